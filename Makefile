@@ -1,0 +1,65 @@
+# Shepherd, from a fresh clone. `make help` lists the commands.
+#
+# PORT           where to serve (8000)            HOST  on which address (127.0.0.1)
+# SHEPHERD_DATA  database, saves, logs, secrets (var/)
+# PYTHON         the interpreter of a new .venv   ARGS  further arguments of pytest, of the benchmarks
+
+VENV := .venv
+BIN := $(VENV)/bin
+MODERN := import sys; sys.exit(sys.version_info < (3, 11))
+PYTHON ?= $(shell for python in python3 python3.13 python3.12 python3.11; do \
+	$$python -c '$(MODERN)' 2>/dev/null && echo $$python && break; done)
+CLIENTS := -e clients/python -e clients/environments
+WORKERS ?= 2
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.DEFAULT_GOAL := help
+.PHONY: help setup run demo test bench lint format clean
+
+help:  ## List the commands
+	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /make \1\t/' | expand -t 16
+
+setup: $(VENV)/.dev  ## Make .venv with everything that tests and lint need
+
+run: $(VENV)/.runtime  ## Serve on this machine until Ctrl-C
+	@$(BIN)/python manage.py serve
+
+demo: $(VENV)/.runtime  ## Serve, train an agent on Cart Pole with a real client, and go on serving
+	@$(BIN)/python manage.py demo
+
+test: $(VENV)/.dev  ## Run all tests
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(ARGS)
+
+bench: $(VENV)/.dev  ## Measure speed and memory, and show them beside their bars
+	$(BIN)/python -m benchmarks $(ARGS)
+
+lint: $(VENV)/.dev  ## Check style, types, migrations and settings
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy .
+	$(BIN)/python manage.py makemigrations --check --dry-run
+	$(BIN)/python manage.py check
+
+format: $(VENV)/.dev  ## Format the code
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:  ## Delete .venv and caches, not the data
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "Shepherd needs Python 3.11 or newer, and none was found: install it, or say make PYTHON=/path/to/python."; exit 1; }
+	@command -v "$(PYTHON)" >/dev/null || { echo "There is no $(PYTHON): say make PYTHON=/path/to/python, 3.11 or newer."; exit 1; }
+	@$(PYTHON) -c '$(MODERN)' || { echo "Shepherd needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) -V 2>&1): say make PYTHON=/path/to/python."; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); echo "The virtual environment could not be made. On Debian and Ubuntu: apt install python3-venv."; exit 1; }
+
+# The stamps make a second call quick: pip runs again only when the requirements have changed.
+$(VENV)/.runtime: requirements.txt clients/python/pyproject.toml clients/environments/pyproject.toml | $(BIN)/python
+	@echo "Installing what Shepherd runs on into $(VENV) ..."
+	@$(BIN)/pip install --quiet -r requirements.txt $(CLIENTS) || { echo "The installation failed: see pip's message above."; exit 1; }
+	@touch $@
+
+$(VENV)/.dev: requirements-dev.txt $(VENV)/.runtime
+	@echo "Installing what tests and lint need into $(VENV) ..."
+	@$(BIN)/pip install --quiet -r requirements-dev.txt || { echo "The installation failed: see pip's message above."; exit 1; }
+	@touch $@

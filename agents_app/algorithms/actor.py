@@ -1,0 +1,74 @@
+"""The acting half of an execution: an actor works on a copy of the policy that it owns.
+
+SB3's policies keep one distribution object that every call changes, so a policy belongs to one thread; the learner trains
+its own, and hands its weights over.
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import Any, Protocol
+
+import numpy as np
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.policies import BasePolicy
+
+from agents_app.algorithms.replay import Decision
+
+Memory = Any  # what a recurrent policy remembers of one session's episode; None at its beginning
+
+
+class Actor(Protocol):
+    """Chooses actions for one execution. Belongs to one thread."""
+
+    def decide(self, obs: Any, memory: Memory, mask: np.ndarray | None) -> tuple[Decision, Memory]:
+        """Explore: the decision that the algorithm would take at `obs` while learning, for the record."""
+        ...
+
+    def exploit(self, obs: Any, memory: Memory, mask: np.ndarray | None) -> tuple[Any, Memory]:
+        """The best action that the policy knows at `obs`, as the environment takes it. Nothing is recorded."""
+        ...
+
+    def update(self, weights: np.ndarray) -> None:
+        """Act with these weights from now on."""
+        ...
+
+    def begin(self) -> None:
+        """An episode begins: exploration that has a memory forgets it."""
+        ...
+
+
+def own_policy(algorithm: BaseAlgorithm) -> BasePolicy:
+    """A copy of the algorithm's policy for acting, without its optimiser. Made before the algorithm learns."""
+    if algorithm.use_sde:  # its first exploration matrix hangs on gradients, and such a tensor cannot be copied
+        with th.no_grad():
+            exploring_part(algorithm.policy).reset_noise()
+    policy = copy.deepcopy(algorithm.policy)
+    policy.set_training_mode(False)
+    for module in policy.modules():
+        if hasattr(module, "optimizer"):
+            module.optimizer = None  # type: ignore[assignment]
+    return policy
+
+
+def exploring_part(policy: Any) -> Any:
+    """What draws the exploration matrix of gSDE: the policy itself, or off the policy its actor."""
+    return getattr(policy, "actor", policy)
+
+
+def batch(obs: Any) -> Any:
+    """The observation with a batch dimension of 1."""
+    if isinstance(obs, dict):
+        return {key: np.asarray(value)[None] for key, value in obs.items()}
+    return np.asarray(obs)[None]
+
+
+def to_env(action_space: spaces.Space, policy: BasePolicy, action: np.ndarray) -> Any:
+    """An action as the environment takes it: clipped, or unscaled when the policy squashes, as SB3 does on the policy."""
+    if not isinstance(action_space, spaces.Box):
+        return action
+    if policy.squash_output:
+        return policy.unscale_action(action)
+    return np.clip(action, action_space.low, action_space.high)

@@ -1,0 +1,85 @@
+"""Actor-critic policies that take advice (thesis 3.1.2, 5.5.1): a mixin over SB3's own policies, no fork.
+
+The network is built on the client's observation alone; `advice` rides in the observation dictionary and meets the logits or
+the mean. With the learning correction (LC) the update sees the mixed policy too, eq. 3.1; without it, the learner's own.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.distributions import Distribution
+from stable_baselines3.common.policies import ActorCriticPolicy
+
+from agents_app.algorithms.advice import intersect_logits, intersect_mean, plain_space, without_advice
+
+
+class AdvisedPolicy(ActorCriticPolicy):
+    """Acts with the intersection of its own policy and the advice. Mix into a policy class, on the left."""
+
+    def __init__(
+        self,
+        observation_space: spaces.Space,
+        action_space: spaces.Space,
+        lr_schedule: Any,
+        correction: bool = True,
+        **kwargs: Any,
+    ) -> None:
+        """`correction`: whether the learning rule sees the mixed policy."""
+        super().__init__(plain_space(observation_space), action_space, lr_schedule, **kwargs)
+        self.correction = correction
+
+    def forward(self, obs: Any, deterministic: bool = False) -> tuple[th.Tensor, th.Tensor, th.Tensor]:
+        """Action chosen with advice, (B, ...); value, (B, 1); log-probability that the learning rule takes for it, (B,)."""
+        latent_pi, latent_vf = self._latents(obs)
+        mixed = self._distribution(latent_pi, obs["advice"])
+        actions = mixed.get_actions(deterministic=deterministic)
+        log_prob = (mixed if self.correction else self._distribution(latent_pi)).log_prob(actions)
+        return actions.reshape((-1, *(self.action_space.shape or ()))), self.value_net(latent_vf), log_prob
+
+    def evaluate_actions(self, obs: Any, actions: th.Tensor) -> tuple[th.Tensor, th.Tensor, th.Tensor | None]:
+        """Values (B, 1), log-probabilities (B,) and entropies (B,) of the policy that the learning rule sees."""
+        latent_pi, latent_vf = self._latents(obs)
+        distribution = self._distribution(latent_pi, obs["advice"] if self.correction else None)
+        return self.value_net(latent_vf), distribution.log_prob(actions), distribution.entropy()
+
+    def extract_features(self, obs: Any, features_extractor: Any = None) -> Any:
+        """Features of the client's observation; the advice is left aside."""
+        return super().extract_features(without_advice(obs), features_extractor)
+
+    def get_distribution(self, obs: Any) -> Distribution:
+        """The learner's own policy, without advice (TRPO asks it of the mixed one only with the correction)."""
+        latent_pi, _ = self._latents(obs)
+        advised = self.correction and isinstance(obs, dict) and "advice" in obs
+        return self._distribution(latent_pi, obs["advice"] if advised else None)
+
+    def predict_values(self, obs: Any) -> th.Tensor:
+        """Values, (B, 1); advice changes nothing."""
+        return super().predict_values(without_advice(obs))
+
+    def obs_to_tensor(self, observation: Any) -> tuple[Any, bool]:
+        """Tensors of the client's observation."""
+        return super().obs_to_tensor(without_advice(observation))
+
+    def _latents(self, obs: Any) -> tuple[th.Tensor, th.Tensor]:
+        features = self.extract_features(obs)
+        if self.share_features_extractor:
+            return self.mlp_extractor(features)
+        pi_features, vf_features = features
+        return self.mlp_extractor.forward_actor(pi_features), self.mlp_extractor.forward_critic(vf_features)
+
+    def _distribution(self, latent_pi: th.Tensor, advice: th.Tensor | None = None) -> Distribution:
+        """The action distribution, mixed with the advice if there is any.
+
+        Each call makes a new Distribution-state: the policy keeps one object, so the mixed one is asked for first.
+        """
+        raw = self.action_net(latent_pi)
+        if isinstance(self.action_space, spaces.Discrete):
+            logits = raw if advice is None else intersect_logits(raw, advice)
+            return self.action_dist.proba_distribution(action_logits=logits)
+        mean = raw if advice is None else intersect_mean(raw, advice)
+        if self.use_sde:
+            return self.action_dist.proba_distribution(mean, self.log_std, latent_pi)
+        return self.action_dist.proba_distribution(mean, self.log_std)

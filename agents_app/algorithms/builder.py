@@ -1,0 +1,131 @@
+"""From an agent's specification to an algorithm, ready to learn from ShepherdEnv, and back to stock Stable-Baselines3."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from stable_baselines3.common.noise import ActionNoise, NormalActionNoise, OrnsteinUhlenbeckActionNoise
+from stable_baselines3.common.save_util import load_from_zip_file, recursive_setattr, save_to_zip_file
+from stable_baselines3.common.vec_env import VecEnv
+from torch.nn.utils import parameters_to_vector
+
+from agents_app.algorithms.advised import AdvisedPolicy
+from agents_app.algorithms.policies import policy_name
+from agents_app.algorithms.registry import get_row
+from agents_app.algorithms.spec import AgentSpec
+
+ENDLESS = 2**62  # learning has no end; the schedules follow `horizon`
+OURS = ("horizon", "tape", "stock_policy")  # attributes that stock Stable-Baselines3 does not know
+
+
+class Paced:
+    """Mix into an algorithm class, on the left: schedules follow a horizon, and stay at their end past it."""
+
+    horizon: int
+    num_timesteps: int
+    _current_progress_remaining: float
+
+    def _update_current_progress_remaining(self, num_timesteps: int, total_timesteps: int) -> None:
+        self._current_progress_remaining = max(0.0, 1.0 - num_timesteps / self.horizon)
+
+
+def family_of(spec: AgentSpec) -> ModuleType:
+    """The module that teaches executions to act with this algorithm and to replay its records."""
+    return import_module(f"agents_app.algorithms.{get_row(spec.algorithm).family}")
+
+
+def is_advised(spec: AgentSpec) -> bool:
+    """Whether observations carry advice."""
+    return spec.advice_method != "none" and get_row(spec.algorithm).advice
+
+
+def build(spec: AgentSpec, env: gym.Env | VecEnv, seed: int | None) -> Any:
+    """The algorithm, on `env`, with fresh weights. Raises ValueError, TypeError or AssertionError for bad parameters."""
+    row, family = get_row(spec.algorithm), family_of(spec)
+    stock = row.load()
+    stock_policy = stock.policy_aliases[policy_name(row, spec.observations(), spec.policy)]
+    advised = (
+        type(f"Advised{stock_policy.__name__}", (AdvisedPolicy, stock_policy), {}) if is_advised(spec) else stock_policy
+    )
+    algorithm_class, policy = family.learner_classes(stock, advised)
+    arguments, horizon = _arguments(spec)
+    paced: Any = type(stock.__name__, (Paced, algorithm_class), {"horizon": horizon})
+    arguments["policy_kwargs"] = {**family.POLICY_KWARGS, **arguments.get("policy_kwargs", {})}
+    if is_advised(spec):
+        arguments["policy_kwargs"] = {**arguments.get("policy_kwargs", {}), "correction": spec.learning_correction}
+    algorithm = paced(policy, env, device="cpu", verbose=0, seed=seed, **arguments)
+    algorithm.stock_policy = stock_policy
+    return algorithm
+
+
+def _arguments(spec: AgentSpec) -> tuple[dict[str, Any], int]:
+    """Constructor arguments, and the horizon of the schedules in steps."""
+    given = {name: value for name, value in spec.parameters.items() if name != "seed"}
+    horizon = int(given.pop("total_timesteps", 100_000))
+    if layers := str(given.pop("net_arch", "")):
+        given["policy_kwargs"] = {"net_arch": [int(size) for size in layers.replace(",", " ").split()]}
+    if "action_noise" in given:
+        given["action_noise"] = _noise(str(given["action_noise"]), spec)
+    for name in ("ent_coef", "target_entropy"):
+        if isinstance(given.get(name), str):
+            given[name] = _number_or_text(given[name])
+    return given, max(1, horizon)
+
+
+def _number_or_text(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _noise(text: str, spec: AgentSpec) -> ActionNoise | None:
+    """Exploration noise from 'normal 0.1' or 'ou 0.1'; the number is its deviation, as a share of half the action range."""
+    if not text.strip():
+        return None
+    kind, _, deviation = text.strip().partition(" ")
+    sigma = np.full(spec.actions().shape or (), float(deviation or 0.1), np.float32)
+    if kind == "normal":
+        return NormalActionNoise(np.zeros_like(sigma), sigma)
+    if kind == "ou":
+        return OrnsteinUhlenbeckActionNoise(np.zeros_like(sigma), sigma)
+    raise ValueError(f"action_noise is {text!r}: write 'normal 0.1', 'ou 0.1' or nothing.")
+
+
+def export(algorithm: Any, spec: AgentSpec, path: Path) -> None:
+    """Write the model as the ZIP that the stock class's own `save` would write: no class of Shepherd is needed to load it."""
+    data = {key: value for key, value in algorithm.__dict__.items() if key not in OURS}
+    state_dicts, variables = algorithm._get_torch_save_params()
+    for name in (*algorithm._excluded_save_params(), *(name.split(".")[0] for name in state_dicts + variables)):
+        data.pop(name, None)
+    policy_kwargs = {key: value for key, value in algorithm.policy_kwargs.items() if key != "correction"}
+    data |= {"policy_class": algorithm.stock_policy, "policy_kwargs": policy_kwargs}
+    data |= {"observation_space": spec.observations()}
+    data |= {"_last_obs": None, "_last_original_obs": None, "_last_episode_starts": None}
+    for name in ("rollout_buffer_class", "replay_buffer_class"):
+        if name in data:
+            data[name] = None  # chosen anew for the observation space
+    tensors = {name: _attribute(algorithm, name) for name in variables}
+    save_to_zip_file(path, data=data, params=algorithm.get_parameters(), pytorch_variables=tensors)
+
+
+def restore(algorithm: Any, path: Path) -> None:
+    """Take weights and optimisers from such a ZIP. Its pickled part is never read. Raises when the networks differ."""
+    _, params, variables = load_from_zip_file(path, device="cpu", load_data=False)
+    algorithm.set_parameters(params, exact_match=True, device="cpu")
+    for name, value in (variables or {}).items():
+        if value is not None:
+            recursive_setattr(algorithm, f"{name}.data", value.data)
+    if hasattr(algorithm, "weights"):  # ARS learns on a vector of its own, of which the policy is a copy
+        algorithm.weights = parameters_to_vector(algorithm.policy.parameters()).detach()
+
+
+def _attribute(owner: Any, dotted: str) -> Any:
+    for name in dotted.split("."):
+        owner = getattr(owner, name)
+    return owner

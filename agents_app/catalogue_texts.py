@@ -1,0 +1,134 @@
+"""What the signatures of the algorithms do not say: plain words for people who know no RL, and sensible bounds."""
+
+from __future__ import annotations
+
+ALGORITHMS = {
+    "PPO": "A good first choice for every problem: learns steadily and forgives wrong parameters. Executions can "
+    "advise each other.",
+    "A2C": "Simpler and quicker per step than PPO, learns less from each step. Executions can advise each other.",
+    "DQN": "For choosing one of a few actions: remembers what happened and learns from it again and again.",
+    "DDPG": "The ancestor of TD3, kept for comparison: for actions that are numbers.",
+    "TD3": "For actions that are numbers: learns from memory, needs few steps, explores by noise on the action.",
+    "SAC": "A good first choice for actions that are numbers when steps are dear: learns from memory.",
+    "TRPO": "The ancestor of PPO: each update is kept small by a costlier calculation.",
+    "QR-DQN": "DQN that predicts the whole distribution of what will come instead of its mean.",
+    "TQC": "SAC with a distribution instead of a mean, of which the most optimistic part is dropped.",
+    "CrossQ": "SAC without target networks, with batch normalisation: needs fewer steps. Vectors only.",
+    "ARS": "Random search: tries small changes of a simple network for whole episodes and keeps what helped.",
+    "RecurrentPPO": "PPO with a memory (LSTM), for when one observation does not tell all.",
+    "MaskablePPO": "PPO that never takes an action that the client forbids at a step (action_mask).",
+}
+
+NET_ARCH = "Sizes of the hidden layers, separated by commas, e.g. 64,64. Larger networks learn more, and more slowly."
+ACTION_NOISE = (
+    "Noise added to the actions to explore: 'normal 0.1' (independent at each step) or 'ou 0.1' (drifting), with the "
+    "size of the noise; 'normal 0' is none."
+)
+TOTAL_TIMESTEPS = "Over how many steps the schedules (e.g. of exploration) run. Learning goes on after them."
+
+PARAMETERS = {
+    "learning_rate": "How large the steps of learning are. Too large is unstable, too small is slow.",
+    "n_steps": "How many steps are collected before each update.",
+    "batch_size": "How many steps the network sees at once when it learns.",
+    "n_epochs": "How often each collected step is learned from.",
+    "gamma": "How much the future counts: near 1 far-sighted, 0 only the next reward.",
+    "gae_lambda": "How far a reward reaches back to the actions before it: 1 is to the start, lower is less noisy.",
+    "clip_range": "How far an update may change the probability of an action; 0.2 is 20 percent.",
+    "clip_range_vf": "The same for the predicted return. It depends on the scale of your rewards; empty: no limit.",
+    "normalize_advantage": "Bring the advantages of a batch to one scale, so that the scale of rewards matters less.",
+    "ent_coef": "Reward for trying different actions; raise it when the agent settles too early.",
+    "vf_coef": "How much learning to predict the return counts against learning to act.",
+    "max_grad_norm": "The largest step of the gradient that is taken; guards against jumps.",
+    "target_kl": "End an update when the policy has changed by this much; empty: no such limit.",
+    "seed": "Makes the random numbers repeatable; empty: different each time. Each execution adds its own number.",
+    "use_sde": "Explore by a noise that depends on the state and changes slowly; smoother, for robots. Actions must be "
+    "numbers.",
+    "sde_sample_freq": "Draw that noise anew every so many steps; -1: once per collection.",
+    "use_sde_at_warmup": "Use that noise from the first step, instead of random actions.",
+    "rms_prop_eps": "A small number that keeps the optimiser from dividing by zero.",
+    "use_rms_prop": "Use the optimiser RMSprop, as the original; no: Adam.",
+    "buffer_size": "How many steps the memory holds. It takes memory of the machine: size times the observation.",
+    "learning_starts": "How many random steps are collected before learning starts.",
+    "tau": "How fast the slow copy of the network follows the learning one: 1 is a full copy.",
+    "train_freq": "Learn every so many steps.",
+    "gradient_steps": "How many updates are made each time; -1: as many as steps were made since the last time.",
+    "target_update_interval": "Every how many steps the slow copy of the network is renewed.",
+    "exploration_fraction": "Over which part of total_timesteps the random actions become fewer.",
+    "exploration_initial_eps": "The share of random actions at the beginning.",
+    "exploration_final_eps": "The share of random actions from the end of exploration on.",
+    "policy_delay": "Update the policy only every so many updates of the critic.",
+    "target_policy_noise": "Noise on the actions with which the critic learns; makes it careful.",
+    "target_noise_clip": "The largest value of that noise.",
+    "target_entropy": "How random the policy should stay: 'auto', or a number (lower is less random).",
+    "top_quantiles_to_drop_per_net": "How many of the most optimistic of 25 predictions are dropped.",
+    "cg_max_steps": "Steps of the inner calculation of each update.",
+    "cg_damping": "Damping of the inner calculation: higher is steadier.",
+    "line_search_shrinking_factor": "By what an update is shortened when it does not help.",
+    "line_search_max_iter": "How often an update is shortened at most.",
+    "n_critic_updates": "Updates of the predicted return for each update of the policy.",
+    "sub_sampling_factor": "Take only each so-manieth step for the inner calculation, to save time.",
+    "n_delta": "How many random changes of the network are tried in each round.",
+    "n_top": "How many of the best changes are used; empty: all.",
+    "delta_std": "The size of the random changes.",
+    "zero_policy": "Begin with a network of zeros.",
+    "alive_bonus_offset": "Added to each reward; a negative number takes away a reward for merely staying alive.",
+    "n_eval_episodes": "Episodes played with each change.",
+}
+
+# Same name, another meaning in the algorithms that learn from memory.
+REPLAYING = {
+    "n_steps": "Learn from the sum of so many rewards instead of one.",
+    "ent_coef": "Reward for trying different actions: 'auto' finds the best, 'auto_0.1' begins there; or a number.",
+}
+
+POSITIVE, SHARE = (1e-8, None), (0, 1)
+LARGEST = 2**31 - 1
+BOUNDS: dict[str, tuple[float | None, float | None]] = {
+    "learning_rate": (1e-8, 10),
+    "n_steps": (2, 1_000_000),
+    "batch_size": (2, 1_000_000),
+    "n_epochs": (1, 1000),
+    "gamma": SHARE,
+    "gae_lambda": SHARE,
+    "clip_range": (1e-8, 10),
+    "clip_range_vf": POSITIVE,
+    "ent_coef": (0, None),
+    "vf_coef": (0, None),
+    "max_grad_norm": POSITIVE,
+    "target_kl": POSITIVE,
+    "seed": (0, 2**31 - 1),
+    "sde_sample_freq": (-1, LARGEST),
+    "rms_prop_eps": (1e-12, 1),
+    "buffer_size": (1, 100_000_000),
+    "learning_starts": (0, LARGEST),
+    "tau": (1e-8, 1),
+    "train_freq": (1, 1_000_000),
+    "gradient_steps": (-1, 100_000),
+    "target_update_interval": (1, LARGEST),
+    "exploration_fraction": (1e-8, 1),
+    "exploration_initial_eps": SHARE,
+    "exploration_final_eps": SHARE,
+    "policy_delay": (1, 1000),
+    "target_policy_noise": (0, None),
+    "target_noise_clip": (0, None),
+    "top_quantiles_to_drop_per_net": (0, 24),
+    "cg_max_steps": (1, 1000),
+    "cg_damping": (0, None),
+    "line_search_shrinking_factor": (1e-8, 0.999),
+    "line_search_max_iter": (1, 1000),
+    "n_critic_updates": (1, 1000),
+    "sub_sampling_factor": (1, 1000),
+    "n_delta": (1, 10_000),
+    "n_top": (1, 10_000),
+    "delta_std": POSITIVE,
+    "n_eval_episodes": (1, 1000),
+    "total_timesteps": (1, 10**12),
+}
+
+NUMBER = r"\d+(\.\d+)?(e-?\d+)?|\.\d+"
+PATTERNS = {
+    "net_arch": r"\s*[1-9]\d{0,4}(\s*,\s*[1-9]\d{0,4}){0,9}\s*",
+    "action_noise": rf"|(normal|ou) ({NUMBER})",
+    "ent_coef": rf"auto(_({NUMBER}))?|{NUMBER}",
+    "target_entropy": rf"auto|-?({NUMBER})",
+}

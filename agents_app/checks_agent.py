@@ -1,0 +1,177 @@
+"""Whether an agent's algorithm, policy, spaces and parameters fit together. No torch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from django.core.exceptions import ValidationError
+from gymnasium import spaces
+
+from agents_app.algorithms.policies import (
+    AUTO,
+    CNN,
+    DICTIONARY,
+    SMALLEST_IMAGE,
+    VECTOR,
+    convolves,
+    kind_of_policy,
+    policy_name,
+)
+from agents_app.spaces import is_image, parse_space
+
+if TYPE_CHECKING:
+    from agents_app.models.agent import Agent
+    from agents_app.models.catalogue import Algorithm
+
+FIXED = ("policy", "action_space", "observation_space")  # what the weights depend on
+FIXED_PARAMETERS = {"net_arch", "use_sde"}  # too
+HAS_LEARNED = "The agent has learned with another value: reset its learning first, or make a new agent."
+LINEAR = "LinearPolicy"
+
+
+def check_agent(agent: Agent) -> None:
+    """Raise ValidationError with a sentence that says what to write."""
+    algorithm = agent.algorithm if agent.algorithm_id else None
+    if algorithm and agent._state.adding and not algorithm.listed:
+        raise ValidationError({"algorithm": f"{algorithm} is no longer offered: choose another algorithm."})
+    if agent.action_space is None or agent.observation_space is None:
+        return  # the field itself says that it is needed
+    action_space = _space(agent, "action_space")
+    observation_space = _space(agent, "observation_space")
+    if algorithm is None:
+        return
+    _check_actions(algorithm, action_space)
+    _check_observations(algorithm, observation_space)
+    _check_policy(algorithm, observation_space, agent.policy)
+
+
+def check_parameters(agent: Agent, changes: dict[str, Any]) -> None:
+    """Raise ValidationError, by parameter, where new values (None: the default) do not suit the agent or each other."""
+    before, defaults = agent.parameters(), agent.algorithm.default_parameters()
+    values = before | {name: defaults.get(name) if value is None else value for name, value in changes.items()}
+    errors = dict(_unsuitable(agent, values))
+    for name in FIXED_PARAMETERS & set(changes):
+        if values[name] != before.get(name) and agent.has_learned():
+            errors[name] = HAS_LEARNED
+    if errors:
+        raise ValidationError(errors)
+
+
+def _unsuitable(agent: Agent, values: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Names of parameters, and what is wrong with them."""
+    if values.get("use_sde") and isinstance(agent.action_space, int):
+        yield "use_sde", "This exploration needs actions that are vectors of numbers: choose no."
+    if (values.get("n_steps") or 1) > 1 and isinstance(agent.observation_space, dict) and "buffer_size" in values:
+        yield "n_steps", f"{agent.algorithm} takes 1 only when observations are a dictionary: write 1."
+    if (
+        values.get("net_arch")
+        and policy_name(agent.algorithm, _space(agent, "observation_space"), agent.policy) == LINEAR
+    ):
+        yield "net_arch", "LinearPolicy has no hidden layers: choose MlpPolicy as the policy type first."
+    if (values.get("n_top") or 0) > values.get("n_delta", 0):
+        yield "n_top", f"Write at most the value of n_delta, {values['n_delta']}."
+
+
+def check_fixed(before: Agent, after: Agent) -> None:
+    """Raise ValidationError when spaces or policy of an agent change that has learned with the old ones."""
+    changed = [name for name in FIXED if getattr(before, name) != getattr(after, name)]
+    if changed and after.has_learned():
+        raise ValidationError(dict.fromkeys(changed, HAS_LEARNED))
+
+
+def _space(agent: Agent, field: str) -> spaces.Space:
+    specification = getattr(agent, field)
+    try:
+        _check_finite(specification)
+        return parse_space(specification)
+    except (ValueError, OverflowError) as error:
+        raise ValidationError({field: str(error)}) from None
+
+
+def _check_finite(specification: Any) -> None:
+    """JSON, and so the database, knows neither infinity nor NaN."""
+    if isinstance(specification, float) and not math.isfinite(specification):
+        raise ValueError("A bound must be finite: write a large number, e.g. -1e9 and 1e9, instead of infinity.")
+    if isinstance(specification, dict):
+        specification = list(specification.values())
+    if isinstance(specification, list):
+        for part in specification:
+            _check_finite(part)
+
+
+def _check_actions(algorithm: Algorithm, space: spaces.Space) -> None:
+    sentence = ""
+    if isinstance(space, spaces.Dict):
+        sentence = "Actions cannot be a dictionary: write a number of choices, or [shape, low, high]."
+    elif isinstance(space, spaces.Discrete) and not algorithm.discrete:
+        sentence = f"{algorithm} cannot choose one of n actions: write [shape, low, high], e.g. [[2], -1, 1]."
+    elif isinstance(space, spaces.Box):
+        sentence = _what_is_wrong_with_numbers(algorithm, space)
+    if sentence:
+        raise ValidationError({"action_space": sentence})
+
+
+def _what_is_wrong_with_numbers(algorithm: Algorithm, space: spaces.Box) -> str:
+    if not algorithm.continuous:
+        return f"{algorithm} can only choose one of n actions: write a whole number n, e.g. 4."
+    if space.dtype == np.uint8:
+        return "The bounds 0 and 255 mean an image, and no action is one: write 0.0 and 255.0 for numbers."
+    if not (np.isfinite(space.low).all() and np.isfinite(space.high).all()):
+        return "The bounds of an action are too large for 32 bits: write smaller ones, e.g. -1 and 1."
+    return ""
+
+
+def _check_observations(algorithm: Algorithm, space: spaces.Space) -> None:
+    """Dictionaries and images need an algorithm with a network for them."""
+    kinds = {kind_of_policy(name) for name in algorithm.policies}
+    sentence = ""
+    if isinstance(space, spaces.Dict) and DICTIONARY not in kinds:
+        sentence = f"{algorithm} takes no dictionaries: write one vector, e.g. [[8], -10, 10]."
+    elif is_image(space) and CNN not in kinds:
+        sentence = f"{algorithm} takes no images: write one vector, e.g. [[8], -10, 10], or choose another algorithm."
+    elif isinstance(space, spaces.Dict):
+        sentence = _small_image(space)
+    if sentence:
+        raise ValidationError({"observation_space": sentence})
+
+
+def _small_image(space: spaces.Dict) -> str:
+    for key, sub in space.spaces.items():
+        if is_image(sub) and not convolves(sub):
+            return (
+                f"The image {key!r} is too small for a convolutional network, which needs {SMALLEST_IMAGE} by "
+                f"{SMALLEST_IMAGE}: enlarge it, or write the bounds 0.0 and 255.0 to have it as plain numbers."
+            )
+    return ""
+
+
+def _check_policy(algorithm: Algorithm, space: spaces.Space, policy: str) -> None:
+    if policy == AUTO:
+        return
+    fitting = [name for name in algorithm.policies if _looks_at(name, space)]
+    if policy not in fitting:
+        raise ValidationError(
+            {"policy": f"{policy} does not fit {_describe(space)}: write {' or '.join([AUTO, *fitting])}."}
+            if policy in algorithm.policies
+            else {"policy": f"{algorithm} has no {policy}: write {' or '.join([AUTO, *fitting])}."}
+        )
+
+
+def _looks_at(policy: str, space: spaces.Space) -> bool:
+    kind = kind_of_policy(policy)
+    if kind == DICTIONARY:
+        return isinstance(space, spaces.Dict)
+    if kind == CNN:
+        return is_image(space) and convolves(space)
+    return kind == VECTOR and not isinstance(space, spaces.Dict)
+
+
+def _describe(space: spaces.Space) -> str:
+    if isinstance(space, spaces.Dict):
+        return "observations that are a dictionary"
+    if is_image(space):
+        return f"images (CnnPolicy needs {SMALLEST_IMAGE} by {SMALLEST_IMAGE} or more)"
+    return "observations that are neither images nor a dictionary"

@@ -1,0 +1,114 @@
+"""`manage.py create_agent`: an agent and its API key, for scripts."""
+
+from __future__ import annotations
+
+import json
+from argparse import ArgumentParser
+from typing import Any
+
+from django.core.exceptions import NON_FIELD_ERRORS, ValidationError
+from django.core.management.base import BaseCommand, CommandError
+from django.db import transaction
+from django.db.models import BooleanField
+
+from agents_app import services
+from agents_app.models import Agent, Algorithm, APIKey, User
+
+SETTABLE = {field.name: field for field in Agent._meta.fields if field.editable and not field.is_relation}
+
+
+class Command(BaseCommand):
+    """Make an agent, and its owner if there is none of that name; print its id and a new API key as JSON."""
+
+    help = 'Make an agent and print {"id", "name", "api_key"}. The key is shown this once.'
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        """The agent's fields; --set and --parameter for the rarer ones."""
+        parser.add_argument("--owner", required=True, help="name of the owner; made if unknown")
+        parser.add_argument("--name", required=True, help="name of the agent")
+        parser.add_argument("--algorithm", required=True, help="e.g. PPO")
+        parser.add_argument("--action-space", required=True, help="e.g. 4, or [[2], -1, 1]")
+        parser.add_argument("--observation-space", required=True, help="e.g. [[8], -10, 10]")
+        parser.add_argument("--policy", default="auto", help="kind of network (default: auto)")
+        parser.add_argument("--parameter", action="append", default=[], metavar="NAME=VALUE", help="e.g. gamma=0.999")
+        parser.add_argument("--advice", choices=Agent.AdviceMethod.values, help="advice method (default: intersection)")
+        parser.add_argument("--no-learning-correction", action="store_true", help="learn as if there were no advice")
+        parser.add_argument("--rho", type=float, help="influence of the advice, 0 to 1 (default: 1)")
+        parser.add_argument("--set", action="append", default=[], metavar="FIELD=VALUE", help="any other agent field")
+
+    def handle(self, **options: Any) -> None:
+        """Check everything first; nothing is made of what is wrong."""
+        try:
+            agent, secret = make(options)
+        except ValidationError as error:
+            raise CommandError("\n".join(sentences(error))) from None
+        self.stdout.write(json.dumps({"id": str(agent.pk), "name": agent.name, "api_key": secret}))
+
+
+@transaction.atomic
+def make(options: dict[str, Any]) -> tuple[Agent, str]:
+    """The agent and its key. Raises ValidationError."""
+    algorithm = Algorithm.objects.filter(name=options["algorithm"], listed=True).first()
+    if algorithm is None:
+        names = ", ".join(Algorithm.objects.filter(listed=True).values_list("name", flat=True))
+        raise ValidationError({"algorithm": f"There is no {options['algorithm']!r}: write one of {names}."})
+    known = {parameter.name: parameter for parameter in algorithm.parameters.all()}
+    texts = dict(pair(text) for text in options["parameter"])
+    values = {name: services.parse_value(known[name], text) if name in known else text for name, text in texts.items()}
+    owner = User.objects.filter(name=options["owner"]).first() or User.objects.create_user(options["owner"])
+    agent = services.create_agent(owner, fields_of(options) | {"algorithm": algorithm}, values)
+    return agent, APIKey.issue(agent, name="create_agent")[1]
+
+
+def fields_of(options: dict[str, Any]) -> dict[str, Any]:
+    """The agent's fields as the options say."""
+    fields = {"name": options["name"], "policy": options["policy"]}
+    for name in ("action_space", "observation_space"):
+        fields[name] = space(name, options[name])
+    if options["advice"]:
+        fields["advice_method"] = options["advice"]
+    if options["rho"] is not None:
+        fields["rho"] = options["rho"]
+    if options["no_learning_correction"]:
+        fields["learning_correction"] = False
+    return fields | dict(field(text) for text in options["set"])
+
+
+def space(name: str, text: str) -> Any:
+    """A space's specification from JSON."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        raise ValidationError({name: f"{text!r} is no JSON: write e.g. 4, or [[8], -10, 10]."}) from None
+
+
+def field(text: str) -> tuple[str, Any]:
+    """A field of an agent and its value, from FIELD=VALUE."""
+    name, value = pair(text)
+    if name not in SETTABLE:
+        raise ValidationError(f"{name} is no field of an agent: write one of {', '.join(sorted(SETTABLE))}.")
+    if isinstance(SETTABLE[name], BooleanField):
+        value = value.capitalize()
+    try:
+        return name, SETTABLE[name].to_python(value)
+    except ValidationError as error:
+        raise ValidationError({name: error.messages}) from None
+
+
+def pair(text: str) -> tuple[str, str]:
+    """NAME=VALUE, split."""
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise ValidationError(f"{text!r}: write NAME=VALUE.")
+    return name.strip(), value
+
+
+def sentences(error: ValidationError) -> list[str]:
+    """What is wrong, a line per field."""
+    if hasattr(error, "error_dict"):
+        fields = error.message_dict.items()
+        return [
+            " ".join(messages) if name == NON_FIELD_ERRORS else f"{name}: {' '.join(messages)}"
+            for name, messages in fields
+        ]
+    return error.messages

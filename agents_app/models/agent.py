@@ -1,0 +1,124 @@
+"""Agents: what an owner configures and clients train."""
+
+from __future__ import annotations
+
+import uuid
+from typing import Any
+
+from django.conf import settings
+from django.core.exceptions import ValidationError
+from django.core.validators import MaxValueValidator, MinValueValidator
+from django.db import models
+from django.utils import timezone
+
+from agents_app.models.catalogue import Algorithm
+
+
+class Agent(models.Model):
+    """A configuration: algorithm, spaces, parameter values, advice settings; its runs hold what was learned."""
+
+    class AdviceMethod(models.TextChoices):
+        NONE = "none", "No advice"
+        INTERSECTION = "intersection", "Policy intersection (the advice is multiplied in)"
+
+    class Advisors(models.TextChoices):
+        RANDOM = "random", "A random live execution at each step"
+
+    class StartFrom(models.TextChoices):
+        LATEST = "latest", "The latest save"
+        BEST = "best", "The save with the best recent mean return"
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    owner = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="agents")
+    name = models.CharField(max_length=150)
+    algorithm = models.ForeignKey(
+        Algorithm, models.PROTECT, related_name="agents", help_text="Cannot be changed once the agent exists."
+    )
+    policy = models.CharField(
+        "policy type",
+        max_length=50,
+        default="auto",
+        help_text="The kind of network. 'auto' takes a Cnn policy for images, a MultiInput policy for "
+        "dictionaries, and the algorithm's first one for everything else.",
+    )
+    action_space = models.JSONField(
+        help_text="A whole number n: one of n actions. [[shape], low, high]: a vector of numbers, e.g. [[2], -1, 1]."
+    )
+    observation_space = models.JSONField(
+        help_text="A whole number n: one of n states. [[shape], low, high]: numbers, e.g. [[8], -10, 10]; "
+        "with bounds 0 and 255 an image. A dictionary of those: several sensors."
+    )
+    enable_learning = models.BooleanField(
+        default=True, help_text="Unticked, the agent acts as well as it can and learns nothing."
+    )
+    max_percent_cpu = models.PositiveIntegerField(
+        "maximum percent of CPU",
+        default=200,
+        validators=[MinValueValidator(1), MaxValueValidator(100_000)],
+        help_text="100 is one CPU, over a minute, for all executions together. Past it, clients are told to wait.",
+    )
+    max_executions = models.PositiveIntegerField(
+        default=32, validators=[MinValueValidator(1)], help_text="How many executions may run at once."
+    )
+    sessions_per_execution = models.PositiveIntegerField(
+        default=1,
+        validators=[MinValueValidator(1)],
+        help_text="1: each client trains its own execution. More: slow clients (people) share a few executions.",
+    )
+    advice_method = models.CharField(max_length=20, choices=AdviceMethod, default=AdviceMethod.INTERSECTION)
+    learning_correction = models.BooleanField(
+        default=True, help_text="Let the learning rule know that the action was chosen with advice."
+    )
+    psi = models.FloatField(
+        default=0.5,
+        validators=[MinValueValidator(0), MaxValueValidator(1)],
+        help_text="Policy reuse only: how often the advisor's action is taken, 0 to 1.",
+    )
+    rho = models.FloatField(
+        default=1.0,
+        validators=[MinValueValidator(0), MaxValueValidator(1)],
+        help_text="Influence of the advice: 1 is full, 0 is none.",
+    )
+    advisors = models.CharField("who advises", max_length=20, choices=Advisors, default=Advisors.RANDOM)
+    start_from = models.CharField(max_length=10, choices=StartFrom, default=StartFrom.LATEST)
+    save_interval = models.PositiveIntegerField(
+        default=10_000, validators=[MinValueValidator(1)], help_text="Steps between two saves of an execution."
+    )
+    public = models.BooleanField(default=False, help_text="Anybody may see the learning curve.")
+    created_at = models.DateTimeField("created", default=timezone.now, editable=False)
+    last_activity_at = models.DateTimeField("last activity", null=True, editable=False)
+
+    class Meta:
+        ordering = ["owner__name", "name"]
+        constraints = [models.UniqueConstraint(fields=["owner", "name"], name="agent_name_once_per_owner")]
+
+    def __str__(self) -> str:
+        return self.name
+
+    def parameters(self) -> dict[str, Any]:
+        """The algorithm's parameters by name: the owner's values, else the defaults; what has neither is left out."""
+        return self.algorithm.default_parameters() | self.own_parameters()
+
+    def own_parameters(self) -> dict[str, Any]:
+        """The values that the owner set, by parameter name."""
+        return {value.parameter.name: value.value for value in self.parameter_values.select_related("parameter")}
+
+    def has_learned(self) -> bool:
+        """Whether the current run has anything that depends on the spaces and the policy."""
+        run = self.runs.order_by("-number").first()
+        return run is not None and run.executions.exists()
+
+    def current_run(self) -> Any:
+        """The run that learns now; the first one is made here."""
+        run = self.runs.order_by("-number").first()
+        return run or self.runs.get_or_create(number=1)[0]
+
+    def clean(self) -> None:
+        """Refuse spaces that are none, and an algorithm or policy that does not fit them."""
+        from agents_app.checks_agent import check_agent, check_fixed
+
+        if before := Agent.objects.filter(pk=self.pk).first():
+            if before.algorithm_id != self.algorithm_id:
+                raise ValidationError({"algorithm": "The algorithm of an agent is fixed: make a new agent instead."})
+            check_fixed(before, self)
+        check_agent(self)

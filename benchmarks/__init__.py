@@ -1,0 +1,1 @@
+"""Speed, memory, load and learning, each against a baseline taken in the same run (DESIGN.md section 6)."""

@@ -1,0 +1,60 @@
+"""`make bench`: measure, print the table beside its bars, keep it in results/ and README.md.
+
+python -m benchmarks                 every row; the learning curves of parity are shown as they were measured last
+python -m benchmarks step memory     some rows
+python -m benchmarks parity          the learning curves: an hour or two, goes on where it was interrupted
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+from importlib import import_module
+
+from benchmarks import report
+
+ROWS = {
+    "step": "a step beside /healthz",
+    "training": "steps while PPO trains",
+    "crowd": "16 clients on one agent",
+    "advice": "what advice adds",
+    "login": "login, and a new execution",
+    "memory": "memory of an execution",
+    "kill": "kill -9 of an execution",
+    "inprocess": "Stable-Baselines3 in process; the original Shepherd",
+    "million": "a million EpisodeReturns",
+    "parity": "learning over HTTP and in process",
+}
+LONG = ("parity",)
+
+
+def main() -> int:
+    """Measure what was asked for; the exit code tells whether anything broke, not whether the bars hold."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # through every `with`: no server is left behind
+    rows = "".join(f"\n  {name:10} {text}" for name, text in ROWS.items())
+    parser = argparse.ArgumentParser(
+        "python -m benchmarks", description=f"Rows:{rows}", formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("row", nargs="*", choices=[[], *ROWS], help="rows to measure; none: all but parity")
+    chosen = parser.parse_args().row or [row for row in ROWS if row not in LONG]
+    for row in chosen:
+        measure(row)
+    results = [result for row in ROWS if (result := report.load(row))]
+    report.write_page(results)
+    print(report.table([result for result in results if result.row in (*chosen, *LONG)]))
+    return 0
+
+
+def measure(row: str) -> None:
+    """Run one row and keep its result."""
+    print(f"{row}: {ROWS[row]} ...", file=sys.stderr, flush=True)
+    setting = report.setting()
+    result = import_module(f"benchmarks.{row}").run()
+    result.setting = setting | {"load_after": round(os.getloadavg()[0], 1)}
+    result.save()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

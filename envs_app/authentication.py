@@ -1,0 +1,100 @@
+"""Who asks: API keys, found by their hash. Session keys are the business of envs_app.sessions."""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from datetime import timedelta
+from threading import Lock
+from typing import Any, cast
+
+import structlog
+from django.utils import timezone
+from rest_framework.authentication import BaseAuthentication
+from rest_framework.permissions import BasePermission
+from rest_framework.request import Request
+
+from agents_app.models import APIKey, User, hash_key
+from envs_app.errors import Forbidden, InvalidApiKey, Throttled
+from envs_app.requests import address_of, read_bearer
+
+log = structlog.get_logger("shepherd.http")
+
+USED_EVERY = timedelta(minutes=1)  # how exact "last used" is; it costs a write
+
+
+class FailedLogins:
+    """Counts wrong keys by address and, past a number of them, has the address wait.
+
+    A right key is always let through, also from an address that waits: keys of 192 random bits cannot be guessed, and
+    nobody shall lock out the others of a class room or behind a proxy. What is spared is the log and a looping client.
+    """
+
+    def __init__(self, allowed: int = 20, seconds: float = 60.0, addresses: int = 10_000) -> None:
+        self.allowed, self.seconds, self.addresses = allowed, seconds, addresses
+        self.counts: OrderedDict[str, tuple[float, int]] = OrderedDict()  # the end of the address's minute, wrong keys
+        self.lock = Lock()
+
+    def add(self, address: str) -> None:
+        """Count a wrong key. Raises Throttled if there were too many."""
+        now = time.monotonic()
+        with self.lock:
+            end, count = self.counts.get(address, (0.0, 0))
+            end, count = (end, count + 1) if now < end else (now + self.seconds, 1)
+            self.counts[address] = end, count
+            while len(self.counts) > self.addresses:
+                self.counts.popitem(last=False)
+        if count > self.allowed:
+            raise Throttled("Too many wrong API keys came from this address; wait, then check the key.", end - now)
+
+
+failed_logins = FailedLogins()
+
+
+def find_api_key(secret: str | None, address: str) -> APIKey:
+    """The key with its agent, noted as used. Raises InvalidApiKey, or Throttled after many wrong ones."""
+    key = _look_up(secret) if secret else None
+    if key is None:
+        failed_logins.add(address)
+        log.info("wrong API key", address=address)
+        raise InvalidApiKey(
+            "The API key is unknown, revoked or expired; send a valid one as 'Authorization: Bearer <API key>'."
+        )
+    _note_use(key)
+    return key
+
+
+class ApiKeyAuthentication(BaseAuthentication):
+    """`Authorization: Bearer <API key>`: request.auth is the APIKey, request.user the agent's owner."""
+
+    def authenticate(self, request: Request) -> tuple[User, APIKey]:
+        """The owner and the key."""
+        key = find_api_key(read_bearer(request._request), address_of(request._request))
+        return key.agent.owner, key
+
+
+def api_key_of(request: Request) -> APIKey:
+    """The key that ApiKeyAuthentication found."""
+    return cast(APIKey, request.auth)
+
+
+class MayManage(BasePermission):
+    """Only keys with the scope `manage`."""
+
+    def has_permission(self, request: Request, view: Any) -> bool:
+        """True, or Forbidden is raised, which says more than False."""
+        if api_key_of(request).scope != APIKey.Scope.MANAGE:
+            raise Forbidden("This API key may only step; use one with the scope 'manage', made in the admin.")
+        return True
+
+
+def _look_up(secret: str) -> APIKey | None:
+    keys = APIKey.objects.select_related("agent__owner", "agent__algorithm")
+    key = keys.filter(hash=hash_key(secret), agent__owner__is_active=True).first()
+    return key if key and key.is_valid() else None
+
+
+def _note_use(key: APIKey) -> None:
+    now = timezone.now()
+    if key.last_used_at is None or now - key.last_used_at > USED_EVERY:
+        APIKey.objects.filter(pk=key.pk).update(last_used_at=now)

@@ -1,0 +1,113 @@
+"""Advisors: the other executions of the run, whose published policies are evaluated here (DESIGN.md section 4).
+
+Nobody is asked and nobody waits: each peer's latest weights lie where the transport put them, and are taken over when it is
+that peer's turn.
+"""
+
+from __future__ import annotations
+
+import copy
+import random
+from typing import Any, Protocol
+
+import numpy as np
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.utils import obs_as_tensor
+
+from agents_app.algorithms.actor import batch, own_policy
+from agents_app.algorithms.advice import combine, neutral_advice
+from agents_app.algorithms.small_net import SmallNet, Unsupported, log_softmax
+from agents_app.algorithms.weights import assign
+
+
+class Peers(Protocol):
+    """Where the policies that other executions published are found."""
+
+    def versions(self) -> dict[int, int]:
+        """The live peers that have published: number of the execution, and a version that grows."""
+        ...
+
+    def weights(self, number: int) -> np.ndarray | None:
+        """The latest weights of a peer; None when it has just gone."""
+        ...
+
+
+class Peer:
+    """A peer's policy, evaluated here; what it would do without advice of its own."""
+
+    def __init__(self, policy: Any) -> None:
+        self.policy = copy.deepcopy(policy)
+        try:
+            self._net: SmallNet | None = SmallNet(self.policy)
+        except Unsupported:
+            self._net = None
+
+    def probabilities(self, obs: Any) -> np.ndarray:
+        """Of each action, (A,)."""
+        if self._net is not None:
+            return np.exp(log_softmax(self._net.act(obs)))
+        return self._distribution(obs).probs[0].numpy()
+
+    def gaussian(self, obs: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Means (A,) and standard deviations (A,)."""
+        if self._net is not None:
+            return self._net.act(obs), self._net.deviations()
+        distribution = self._distribution(obs)
+        return distribution.mean[0].numpy().reshape(-1), distribution.stddev[0].numpy().reshape(-1)
+
+    def _distribution(self, obs: Any) -> Any:
+        with th.no_grad():
+            return self.policy.get_distribution(obs_as_tensor(batch(obs), self.policy.device)).distribution
+
+
+class Advisors:
+    """Asks one random live peer at each step. Belongs to the actor's thread."""
+
+    def __init__(self, algorithm: Any, peers: Peers, rho: float) -> None:
+        """Made before the algorithm learns: its policy is copied here, not while another thread trains it."""
+        self._template, self._peers, self._rho = own_policy(algorithm), peers, rho
+        self._action_space = algorithm.action_space
+        self._known: dict[int, Peer] = {}
+        self._versions: dict[int, int] = {}
+        self._neutral = neutral_advice(algorithm.action_space)
+        self._random = random.Random()  # not the algorithm's: advice must not change what it draws
+
+    def advise(self, obs: Any) -> np.ndarray:
+        """What a peer would do here: (A,) probabilities or (2A,) means and deviations; neutral when alone."""
+        versions = self._peers.versions()
+        if not versions:
+            return self._neutral
+        number = self._random.choice(list(versions))
+        peer = self._up_to_date(number, versions[number])
+        return self._neutral if peer is None else self._ask(peer, obs)
+
+    def temper(self, advice: np.ndarray) -> np.ndarray:
+        """Advice from outside, as `advise` gives a peer's."""
+        return combine([advice], self._rho) if isinstance(self._action_space, spaces.Discrete) else advice
+
+    def numbers(self) -> list[int]:
+        """Whose advice is taken now."""
+        return sorted(self._peers.versions())
+
+    def _up_to_date(self, number: int, version: int) -> Peer | None:
+        for gone in self._known.keys() - self._peers.versions().keys():
+            del self._known[gone], self._versions[gone]
+        if self._versions.get(number) != version:
+            weights = self._peers.weights(number)
+            if weights is None:
+                return None
+            if number not in self._known:
+                self._known[number] = Peer(self._template)
+            try:
+                assign(self._known[number].policy, weights)
+            except ValueError:  # a network of another shape, from before the agent was changed
+                del self._known[number]
+                return None
+            self._versions[number] = version
+        return self._known[number]
+
+    def _ask(self, peer: Peer, obs: Any) -> np.ndarray:
+        if not isinstance(self._action_space, spaces.Discrete):
+            return np.concatenate(peer.gaussian(obs))
+        return combine([peer.probabilities(obs)], self._rho)

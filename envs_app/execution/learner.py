@@ -1,0 +1,119 @@
+"""The learner: `learn()` of the algorithm, as it is, in a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.callbacks import BaseCallback
+
+from agents_app.algorithms.builder import ENDLESS
+from agents_app.algorithms.replay import TapeClosed
+from agents_app.algorithms.weights import flatten
+from envs_app.execution.turns import Turns
+
+FOLLOW_SECONDS = 0.03
+
+
+class Diverged(ArithmeticError):
+    """Learning made the weights infinite or NaN; the execution goes back to its last save."""
+
+
+class Learner(threading.Thread):
+    """Learns until its feed is closed; publishes its policy after each update, and saves at intervals and at the end."""
+
+    def __init__(
+        self,
+        algorithm: Any,
+        publishes: bool,
+        save_interval: int,
+        save: Callable[[], None],
+        on_published: Callable[[], None],
+        on_failed: Callable[[str], None],
+        turns: Turns | None = None,
+    ) -> None:
+        """`turns` are taken for each update; None: updates are short.
+
+        `publishes`: whether the actor needs new weights (it may share them); the callbacks run in this thread."""
+        super().__init__(name="learner", daemon=True)
+        self.algorithm = algorithm
+        self.published: np.ndarray | None = None  # replaced, never changed
+        self._published_at = 0.0
+        self._publishes, self.save_interval = publishes, save_interval
+        self._save, self._on_published, self._on_failed = save, on_published, on_failed
+        self._turns = turns
+        self._saved_at = algorithm.num_timesteps
+        self._updates: int | None = None  # None: nothing is published yet, not even what was restored
+
+    def run(self) -> None:
+        """Learn; whatever goes wrong is reported with its traceback."""
+        try:
+            self._learn()
+            self.save_if_newer(1)
+        except BaseException:
+            self._on_failed(traceback.format_exc())
+
+    def save_if_newer(self, steps: int) -> None:
+        """Save when at least `steps` were learned from since the last time; a full disk does not stop the learning."""
+        if self.algorithm.num_timesteps - self._saved_at >= steps:
+            self._finite_weights()
+            self._saved_at = self.algorithm.num_timesteps
+            self._save()
+
+    def _learn(self) -> None:
+        hook = _Hook(self._between_updates, self._before_update)
+        if self._publishes and (optimizer := getattr(self.algorithm.policy, "optimizer", None)):
+            optimizer.register_step_post_hook(self._amid_an_update)
+        with suppress(TapeClosed):
+            self.algorithm.learn(ENDLESS, callback=hook, log_interval=None, reset_num_timesteps=False)
+
+    def _before_update(self) -> None:
+        if self._turns is not None:
+            self._turns.take()
+
+    def _between_updates(self) -> None:
+        if self._turns is not None:
+            self._turns.give_back()
+        if self.algorithm._n_updates != self._updates:
+            self._updates = self.algorithm._n_updates
+            if self._publishes:
+                self._publish()
+        self.save_if_newer(self.save_interval)
+
+    def _amid_an_update(self, *_: Any) -> None:
+        """Let the actor follow an update while it is made: what it decides meanwhile is not older than a few minibatches."""
+        if time.monotonic() - self._published_at >= FOLLOW_SECONDS:
+            self.published, self._published_at = flatten(self.algorithm.policy), time.monotonic()
+
+    def _publish(self) -> None:
+        self.published, self._published_at = self._finite_weights(), time.monotonic()
+        self._on_published()
+
+    def _finite_weights(self) -> np.ndarray:
+        """What may be handed on. Raises Diverged."""
+        weights = flatten(self.algorithm.policy)
+        if not np.isfinite(weights).all():
+            raise Diverged("the weights are no longer finite: try a smaller learning rate, or scale the rewards")
+        return weights
+
+
+class _Hook(BaseCallback):
+    """Calls back where SB3 begins to collect (the policy is whole then, between two updates), and where it has done so."""
+
+    def __init__(self, between_updates: Callable[[], None], before_update: Callable[[], None]) -> None:
+        super().__init__()
+        self.between_updates, self.before_update = between_updates, before_update
+
+    def _on_rollout_end(self) -> None:
+        self.before_update()
+
+    def _on_rollout_start(self) -> None:
+        self.between_updates()
+
+    def _on_step(self) -> bool:
+        return True

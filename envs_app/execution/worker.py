@@ -1,0 +1,240 @@
+"""An execution, but for its sockets: it builds the agent's algorithm, acts, records, and lets the learner learn."""
+
+from __future__ import annotations
+
+import logging
+import os
+import random
+import traceback
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import torch as th
+
+import envs_app.shepherd_env  # noqa: F401  (registers ShepherdEnv-v0)
+from agents_app.algorithms import builder
+from agents_app.algorithms.advice import advised_space, with_advice
+from agents_app.algorithms.direct import LiveFeed
+from agents_app.algorithms.spec import AgentSpec, see
+from agents_app.spaces import parse_space
+from envs_app.execution.advisors import Advisors, Peers
+from envs_app.execution.lane import Lane
+from envs_app.execution.learner import Learner
+from envs_app.execution.saves import SaveMeta, SaveStore
+from envs_app.execution.turns import Turns, cores
+
+log = logging.getLogger("shepherd.execution")
+
+
+@dataclass
+class ExecutionSpec:
+    """What an execution is started with."""
+
+    uid: str
+    number: int
+    run: int
+    agent_id: str
+    agent: AgentSpec
+    saves: str  # folder of the run's saves
+    turns: str = ""  # folder of the machine's turns for long updates; empty: everybody trains at will
+    learning: bool = True
+    start_from: str = "latest"
+    save_interval: int = 10_000
+    saves_kept: int = 5
+    sessions: int = 1  # that may be in the middle of an episode at once
+    reclaim_seconds: float = 120.0
+    seed: int | None = None
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> ExecutionSpec:
+        """From a message."""
+        return cls(**{**data, "agent": AgentSpec(**data["agent"])})
+
+
+@dataclass
+class Counters:
+    """What the execution has done; restored from the save it began with, but for what is said otherwise."""
+
+    steps: int = 0  # answered since the execution began
+    episodes: int = 0  # ended since the run began, as this line of saves knows
+    returns: deque[float] = field(default_factory=lambda: deque(maxlen=100))
+
+    def mean_return(self) -> float | None:
+        """Over the last 100 episodes."""
+        return float(np.mean(self.returns)) if self.returns else None
+
+
+class Worker:
+    """The algorithm, its actor and its learner. Everything but the learner belongs to the thread that makes it."""
+
+    def __init__(
+        self,
+        spec: ExecutionSpec,
+        peers: Peers,
+        publish: Callable[[np.ndarray], None],
+        wake: Callable[[], None],
+        report: Callable[[dict[str, Any]], None],
+    ) -> None:
+        """`publish`, `wake` and `report` are called from the learner's thread."""
+        self.spec, self.counters = spec, Counters()
+        self.learning = spec.learning
+        self.client_space = parse_space(spec.agent.observation_space)
+        self.action_space = spec.agent.actions()
+        self._report, self._wake, self._publish_weights = report, wake, publish
+        self.failure: str | None = None
+        self.save_error = ""
+        seed = seed_everything(spec.seed, spec.number)
+        family = builder.family_of(spec.agent)
+        self.feed: Any = family.make_feed()
+        self.direct = isinstance(self.feed, LiveFeed)
+        self.algorithm = builder.build(spec.agent, self._environment(), seed)
+        self.store = SaveStore(Path(spec.saves))
+        self._restore()
+        self.actor = family.make_actor(self.algorithm)
+        self.allowed_lead = family.allowed_lead(self.algorithm)
+        self.advisors = None
+        if builder.is_advised(spec.agent):
+            self.advisors = Advisors(self.algorithm, peers, spec.agent.rho)
+        family.attach(self.algorithm, self.feed)
+        self.learner = Learner(
+            self.algorithm,
+            not family.SHARES_WEIGHTS,
+            spec.save_interval,
+            self._save,
+            self._published,
+            self._failed,
+            self._turns(family),
+        )
+        self._seen: np.ndarray | None = None
+        self._needs_warming_up(family)
+        self.feed.on_action = self.feed.on_taken = wake
+        self.feed.pause(not self.learning)
+        self.learner.start()
+
+    def set_learning(self, learning: bool) -> None:
+        """Learn, or only act, from now on, with what was learned until now."""
+        self.refresh()
+        self.learning = learning
+        self.feed.pause(not learning)
+
+    def see(self, obs: Any, advice: np.ndarray | None = None) -> Any:
+        """A client's observation as the algorithm sees it, with the client's advice or a peer's if the agent takes any."""
+        seen = see(self.client_space, obs)
+        if self.advisors is None:
+            return seen
+        return with_advice(seen, self.advisors.advise(seen) if advice is None else self.advisors.temper(advice))
+
+    def refresh(self) -> None:
+        """Let the actor act with what was learned last."""
+        if self.learning and self.learner.published is not self._seen:
+            self._seen = self.learner.published
+            self.actor.update(self._seen)
+
+    def save_now(self, ticket: int = 0) -> None:
+        """Have the learner save what is unsaved as soon as its policy is whole, and say so."""
+        self.feed.send_errand(lambda: self._save_for(ticket))
+
+    def _save_for(self, ticket: int) -> None:
+        self.learner.save_if_newer(1)
+        self._report({"k": "save_answered", "ticket": ticket})
+
+    def stop(self, patience: float) -> bool:
+        """End the learner, which saves; wait for it `patience` seconds. Returns whether it ended."""
+        self.feed.close()
+        self.learner.join(patience)
+        return not self.learner.is_alive()
+
+    def status(self) -> dict[str, Any]:
+        """What the execution says of itself, for the admin."""
+        return {
+            "steps": self.counters.steps,
+            "episodes": self.counters.episodes,
+            "updates": int(self.algorithm._n_updates),
+            "mean_return": self.counters.mean_return(),
+            "advisors": self.advisors.numbers() if self.advisors and self.learning else [],
+            "learning": self.learning,
+            "save_error": self.save_error,
+        }
+
+    def _turns(self, family: Any) -> Turns | None:
+        """Where this learner waits before an update; None if its updates are short."""
+        if not self.spec.turns or not family.has_long_updates(self.algorithm):
+            return None
+        return Turns(Path(self.spec.turns), cores())
+
+    def _environment(self) -> gym.Env | Lane:
+        space = self.spec.agent.observations()
+        if builder.is_advised(self.spec.agent):
+            space = advised_space(space, self.action_space)
+        env = gym.make("ShepherdEnv-v0", observation_space=space, action_space=self.action_space, feed=self.feed)
+        return env if self.direct else Lane(env)
+
+    def _restore(self) -> None:
+        """Go on from a save of the run: weights, optimisers, counters. A save that does not fit is passed over, and said."""
+        if (chosen := self.store.choose(self.spec.start_from)) is None:
+            return
+        name, meta = chosen
+        try:
+            builder.restore(self.algorithm, self.store.model(name))
+        except Exception:
+            self._report({"k": "error", "summary": f"save {name} does not fit", "traceback": traceback.format_exc()})
+            return
+        self.algorithm.num_timesteps = meta.steps
+        self.algorithm._n_updates = meta.updates
+        self.algorithm._episode_num = meta.episodes
+        for key, value in meta.extra.items():
+            setattr(self.algorithm, key, value)
+        self.counters.episodes = meta.episodes
+        self.counters.returns.extend(meta.recent_returns)
+
+    def _needs_warming_up(self, family: Any) -> None:
+        """Off the policy, a restored execution has an empty replay buffer: it acts as it learned to, and fills it first."""
+        algorithm = self.algorithm
+        if family.SHARES_WEIGHTS and algorithm.num_timesteps > 0:
+            algorithm.learning_starts += algorithm.num_timesteps
+
+    def _published(self) -> None:
+        if self.advisors is not None and self.learner.published is not None:
+            self._publish_weights(self.learner.published)
+
+    def _failed(self, text: str) -> None:
+        self.failure = text
+        self._wake()
+
+    def _save(self) -> None:
+        """In the learner's thread, between updates."""
+        algorithm, counters = self.algorithm, self.counters
+        meta = SaveMeta(
+            execution=self.spec.uid,
+            number=self.spec.number,
+            steps=algorithm.num_timesteps,
+            updates=int(algorithm._n_updates),
+            episodes=counters.episodes,
+            mean_return=counters.mean_return(),
+            recent_returns=list(counters.returns),
+            extra={"exploration_rate": algorithm.exploration_rate} if hasattr(algorithm, "exploration_rate") else {},
+        )
+        try:
+            name = self.store.write(meta, lambda path: builder.export(algorithm, self.spec.agent, path))
+            self.store.prune(self.spec.saves_kept)
+            self.save_error = ""
+            self._report({"k": "saved", "name": name})
+        except Exception as error:
+            log.warning("execution %s could not save: %s", self.spec.number, error)
+            self.save_error = str(error)
+            self._report({"k": "error", "summary": f"could not save: {error}", "traceback": traceback.format_exc()})
+
+
+def seed_everything(seed: int | None, number: int) -> int:
+    """Seed all generators anew: a forked process inherits its parent's. Returns the algorithm's own seed."""
+    chosen = int.from_bytes(os.urandom(4), "big") if seed is None else seed + 7919 * number
+    chosen %= 2**31
+    random.seed(chosen)
+    np.random.seed(chosen)
+    th.manual_seed(chosen)
+    return chosen

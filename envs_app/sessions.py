@@ -1,0 +1,305 @@
+"""Sessions: a client's conversation with an agent, over whichever executions serve it.
+
+What every view calls. The database knows the sessions; this process keeps a handle of each one that it meets, checked against
+the database every REFRESH_SECONDS, so that a step reads and writes no table but at an episode's end.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import threading
+import time
+import uuid
+from collections import OrderedDict
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Any
+
+import structlog
+from django.conf import settings
+from django.db import DatabaseError, IntegrityError, transaction
+from django.db.models import Max
+from django.utils import timezone
+from gymnasium import spaces
+
+from agents_app.algorithms.registry import get_row
+from agents_app.models import Agent, APIKey, EpisodeReturn, Execution, Session, hash_key, make_key
+from agents_app.spaces import parse_space
+from envs_app.errors import ExecutionLost, InvalidRequest, NoCapacity, ShepherdError, UnknownSession, from_code
+from envs_app.executions import places, record_launch
+from envs_app.messages import Message, encode_observation
+from envs_app.observations import read_advice, read_mask, read_observation, read_reward
+from envs_app.steps import Reply, Step
+from envs_app.transports.base import Address, Claim
+from envs_app.transports.choice import get_transport
+
+REFRESH_SECONDS = 2.0  # so long may a closed session or a revoked key go on
+STALE_SECONDS = 60.0  # so long a handle serves while the database cannot be asked
+HANDLES_KEPT = 20_000
+TRIES = 4  # executions that a step may find lost or busy before the client is asked to repeat it
+SOON_SECONDS = 3.0  # a wait for capacity that is shorter than the client's would be
+PAUSE_SECONDS = 0.05
+ACTIVITY_EVERY = timedelta(minutes=1)
+
+PROCESS = uuid.uuid4().hex[:16]  # with its id and a number, names each request of this process
+_requests = itertools.count()
+
+log = structlog.get_logger("shepherd.sessions")
+
+
+@dataclass
+class Handle:
+    """What this process knows of an open session."""
+
+    session: int
+    agent: str
+    run: int
+    observation_space: spaces.Space
+    actions: int | None  # how many, if the agent takes masks
+    advised_actions: spaces.Space | None  # the action space, if the agent takes advice
+    max_executions: int
+    sessions_per_execution: int
+    checked_at: float
+    address: Address | None = None
+
+    def claim(self, waits: bool) -> Claim:
+        """What the transport must know to find an execution."""
+        return Claim(self.agent, self.run, self.session, self.max_executions, self.sessions_per_execution, waits)
+
+
+class Handles:
+    """The handles of this process, by the hash of the session key; the one used longest ago goes first."""
+
+    def __init__(self) -> None:
+        self._by_hash: OrderedDict[str, Handle] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def get(self, session_key: str) -> Handle:
+        """A handle that is fresh enough. Raises UnknownSession."""
+        key = hash_key(session_key)
+        handle = self._by_hash.get(key)
+        if handle is None or time.monotonic() - handle.checked_at > REFRESH_SECONDS:
+            handle = self._refresh(key, handle)
+        return handle
+
+    def _refresh(self, key: str, known: Handle | None) -> Handle:
+        try:
+            fresh = load(key)
+        except UnknownSession:
+            self.drop(key)
+            raise
+        except DatabaseError:
+            if known is None or time.monotonic() - known.checked_at > STALE_SECONDS:
+                raise
+            return known
+        if known is not None and known.run == fresh.run:
+            fresh.address = known.address
+        with self._lock:
+            self._by_hash[key] = fresh
+            self._by_hash.move_to_end(key)
+            while len(self._by_hash) > HANDLES_KEPT:
+                self._by_hash.popitem(last=False)
+        return fresh
+
+    def whereabouts(self, session_key: str) -> dict[str, Any]:
+        """What a log line may say of the session: ids, and nothing that opens it."""
+        handle = self._by_hash.get(hash_key(session_key))
+        if handle is None:
+            return {}
+        execution = handle.address.uid if handle.address else None
+        return {"session": handle.session, "execution": execution, "agent": handle.agent}
+
+    def renew(self, handle: Handle) -> None:
+        """Take over what the database says now: an execution must not be sought for a run that is over."""
+        session = Session.objects.filter(pk=handle.session).values_list("hash", flat=True).first()
+        fresh = self._refresh(session or "", None)
+        handle.run, handle.checked_at = fresh.run, fresh.checked_at
+        handle.max_executions, handle.sessions_per_execution = fresh.max_executions, fresh.sessions_per_execution
+        with self._lock:
+            self._by_hash[session or ""] = handle
+
+    def drop(self, key: str) -> None:
+        """Forget a session."""
+        with self._lock:
+            self._by_hash.pop(key, None)
+
+    def expire(self) -> None:
+        """Have every handle checked again before its next step: something was revoked in this process."""
+        for handle in list(self._by_hash.values()):
+            handle.checked_at -= REFRESH_SECONDS
+
+
+handles = Handles()
+
+
+def load(key_hash: str) -> Handle:
+    """The handle of an open session, from the database. Raises UnknownSession."""
+    related = ("agent__algorithm", "agent__owner", "api_key")
+    session = Session.objects.select_related(*related).filter(hash=key_hash, closed_at=None).first()
+    if session is None or not session.api_key.is_valid() or not session.agent.owner.is_active:
+        raise UnknownSession
+    agent: Agent = session.agent
+    row = get_row(agent.algorithm.name)
+    advised = row.advice and agent.advice_method != Agent.AdviceMethod.NONE
+    return Handle(
+        session=session.pk,
+        agent=str(agent.pk),
+        run=agent.current_run().pk,
+        observation_space=parse_space(agent.observation_space),
+        actions=agent.action_space if row.family == "maskable" else None,
+        advised_actions=parse_space(agent.action_space) if advised else None,
+        max_executions=agent.max_executions,
+        sessions_per_execution=places(agent),
+        checked_at=time.monotonic(),
+    )
+
+
+def open_session(api_key: APIKey) -> tuple[Session, str]:
+    """A new session of the key's agent; the second value opens it and is shown once. An execution gets ready meanwhile."""
+    secret = make_key("ss")
+    session = Session.objects.create(agent=api_key.agent, api_key=api_key, hash=hash_key(secret))
+    log.info("session opened", session=session.pk, agent=str(api_key.agent_id))
+    handle = handles.get(secret)
+    try:
+        handle.address = _find_execution(handle, [], waits=False)
+    except (ShepherdError, OSError) as error:
+        log.info("no execution yet", session=session.pk, agent=handle.agent, reason=str(error))
+    return session, secret
+
+
+def close_session(session_key: str) -> None:
+    """End the session: its key opens nothing any more. Raises UnknownSession."""
+    handle = handles.get(session_key)
+    Session.objects.filter(pk=handle.session, closed_at=None).update(closed_at=timezone.now())
+    handles.drop(hash_key(session_key))
+    try:
+        get_transport().forget(handle.session, handle.agent)
+    except OSError as error:
+        log.warning("the executions were not told", session=handle.session, reason=str(error))
+    log.info("session closed", session=handle.session, agent=handle.agent)
+
+
+def step(session_key: str, step: Step) -> Reply:
+    """Give the agent an observation and get its action. Raises ShepherdError; the same step may then be repeated."""
+    handle = handles.get(session_key)
+    answer = _send(handle, _message(handle, step))
+    if answer["k"] == "error":
+        raise from_code(answer["code"], answer["detail"], answer["retry_after"])
+    episode = answer["episode"]
+    if episode is not None:
+        try:
+            record_return(handle, episode)
+        except (IntegrityError, Execution.DoesNotExist):
+            raise UnknownSession("The agent or its run was deleted; log in again.") from None
+    ended = answer["ended"]
+    return Reply(answer["action"], answer["seq"], (episode["return"] if episode else 0.0) if ended else None)
+
+
+def _message(handle: Handle, step: Step) -> Message:
+    """The step as executions take it. Raises InvalidObservation, InvalidReward, InvalidRequest."""
+    obs = read_observation(handle.observation_space, step.obs)
+    return {
+        "k": "step",
+        "session": handle.session,
+        "request": f"{PROCESS}-{os.getpid()}-{next(_requests)}",
+        "seq": step.seq,
+        "claim": False,
+        "obs": encode_observation(obs),
+        "reward": read_reward(step.reward),
+        "terminated": step.terminated,
+        "truncated": step.truncated,
+        "mask": _mask(handle, step.action_mask),
+        "advice": _advice(handle, step.advice),
+        "info": step.info or None,
+    }
+
+
+def _mask(handle: Handle, mask: list[bool] | None) -> list[bool] | None:
+    if mask is None:
+        return None
+    if handle.actions is None:
+        raise InvalidRequest("action_mask: the agent's algorithm takes none; use MaskablePPO.")
+    return read_mask(mask, handle.actions).tolist()
+
+
+def _advice(handle: Handle, advice: Any) -> bytes | None:
+    if advice is None:
+        return None
+    if handle.advised_actions is None:
+        raise InvalidRequest("advice: the agent takes none; its owner can choose an advice method in the admin.")
+    return read_advice(handle.advised_actions, advice).tobytes()
+
+
+def _send(handle: Handle, message: Message) -> Message:
+    """Send the message to the session's execution; find it another one when that is lost, busy or somebody else's."""
+    refused: list[str] = []
+    lost = False
+    for _ in range(TRIES):
+        if handle.address is None:
+            handle.address = _find_execution(handle, refused)
+            message |= {"claim": True, "episodes": _episodes_recorded(handle)}
+        address = handle.address
+        try:
+            answer = get_transport().call(address, message, settings.STEP_TIMEOUT)
+        except TimeoutError:
+            raise ExecutionLost("The execution did not answer in time; repeat the step.", 1.0) from None
+        except OSError:
+            log.warning("execution lost", session=handle.session, agent=handle.agent, execution=address.uid)
+            answer, lost = {"k": "error", "code": "busy"}, True
+        if answer["k"] != "error" or answer["code"] not in ("busy", "not_mine"):
+            return answer
+        if answer["code"] == "busy":
+            refused.append(address.uid)
+        handle.address = None
+    if answer["code"] == "busy" and not lost:
+        raise NoCapacity("All executions of the agent are in use; repeat the step later.", 1.0)
+    raise ExecutionLost("The session's executions were lost; repeat the step.", 0.5)
+
+
+def _episodes_recorded(handle: Handle) -> int:
+    """How many the session has: an execution whose ledger was lost must not use their numbers again."""
+    return EpisodeReturn.objects.filter(session=handle.session).aggregate(last=Max("episode"))["last"] or 0
+
+
+def _find_execution(handle: Handle, refused: list[str], waits: bool = True) -> Address:
+    """The transport's choice, or a new execution. Raises NoCapacity; if it waits, then only when that does not help soon."""
+    handles.renew(handle)
+    transport, claim = get_transport(), handle.claim(waits)
+    deadline = time.monotonic() + (SOON_SECONDS if waits else 0.0)
+    while True:
+        try:
+            return transport.acquire(claim, refused) or record_launch(transport, claim, refused)
+        except NoCapacity as error:
+            if (error.retry_after or 1.0) >= 1.0 or time.monotonic() > deadline:
+                raise
+        except OSError as error:
+            if time.monotonic() > deadline:
+                raise ExecutionLost("The executions are restarting; repeat the step.", 1.0) from error
+        time.sleep(PAUSE_SECONDS)
+
+
+def record_return(handle: Handle, episode: dict[str, Any]) -> None:
+    """Keep the return of an ended episode, once: a repeated step finds it there. Durable when this returns."""
+    with transaction.atomic():
+        _, created = EpisodeReturn.objects.get_or_create(
+            session_id=handle.session,
+            episode=episode["number"],
+            defaults={
+                "run_id": episode["run"],
+                "execution": Execution.objects.only("pk").get(uid=episode["execution"]),
+                "value": episode["return"],
+                "length": episode["length"],
+                "learning": episode["learning"],
+            },
+        )
+        if created:
+            _note_activity(handle)
+
+
+def _note_activity(handle: Handle) -> None:
+    now = timezone.now()
+    Agent.objects.filter(pk=handle.agent).exclude(last_activity_at__gt=now - ACTIVITY_EVERY).update(
+        last_activity_at=now
+    )
+    Session.objects.filter(pk=handle.session, last_activity_at__lt=now - ACTIVITY_EVERY).update(last_activity_at=now)

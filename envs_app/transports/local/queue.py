@@ -1,0 +1,32 @@
+"""Who waits for a place in a run's executions: first come, first served, for as long as they keep asking."""
+
+from __future__ import annotations
+
+import time
+
+GONE_SECONDS = 5.0  # who has not asked for so long waits no more
+FIRST_PAUSE, LONGEST_PAUSE = 0.1, 2.0  # the further behind, the longer until one should ask again
+
+
+class Queue:
+    """The sessions that were told to come back."""
+
+    def __init__(self) -> None:
+        self._asked: dict[int, float] = {}  # in the order of their coming: when each asked last
+
+    def position(self, session: int) -> int:
+        """How many are before the session."""
+        now = time.monotonic()
+        self._asked = {other: at for other, at in self._asked.items() if now - at < GONE_SECONDS}
+        waiting = list(self._asked)
+        return waiting.index(session) if session in self._asked else len(waiting)
+
+    def join(self, session: int) -> float:
+        """Wait, or go on waiting; returns the seconds until the session should ask again."""
+        pause = FIRST_PAUSE * (self.position(session) + 1)
+        self._asked[session] = time.monotonic()
+        return min(LONGEST_PAUSE, pause)
+
+    def leave(self, session: int) -> None:
+        """The session has a place, or wants none."""
+        self._asked.pop(session, None)

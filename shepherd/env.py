@@ -1,0 +1,94 @@
+"""Reading settings from the environment, strictly: a value that does not parse stops the start with its name."""
+
+import os
+import secrets
+from pathlib import Path
+from typing import Any
+
+import dj_database_url
+from django.core.exceptions import ImproperlyConfigured
+
+TRUE, FALSE = {"1", "true", "yes", "on"}, {"0", "false", "no", "off", ""}
+
+
+def text(name: str, default: str = "") -> str:
+    """The variable as it stands."""
+    return os.environ.get(name, default)
+
+
+def boolean(name: str, default: bool) -> bool:
+    """The variable as a truth value. Raises ImproperlyConfigured if it is none."""
+    value = os.environ.get(name)
+    if value is None:
+        return default
+    if value.lower() in TRUE | FALSE:
+        return value.lower() in TRUE
+    raise ImproperlyConfigured(f"{name} is {value!r}: write 1 or 0.")
+
+
+def integer(name: str, default: int, minimum: int = 0) -> int:
+    """The variable as a whole number. Raises ImproperlyConfigured if it is none or too small."""
+    value = os.environ.get(name)
+    if not value:
+        return default
+    try:
+        number = int(value)
+    except ValueError:
+        raise ImproperlyConfigured(f"{name} is {value!r}: write a whole number.") from None
+    if number < minimum:
+        raise ImproperlyConfigured(f"{name} is {number}: write {minimum} or more.")
+    return number
+
+
+def words(name: str, default: str = "") -> list[str]:
+    """The variable as a list, separated by commas."""
+    return [word.strip() for word in os.environ.get(name, default).split(",") if word.strip()]
+
+
+def choice(name: str, choices: list[str]) -> str:
+    """The variable, one of `choices`; the first is the default. Raises ImproperlyConfigured if it is another."""
+    value = os.environ.get(name) or choices[0]
+    if value not in choices:
+        raise ImproperlyConfigured(f"{name} is {value!r}: write one of {', '.join(choices)}.")
+    return value
+
+
+def database(name: str, default: str) -> dict[str, Any]:
+    """The variable as Django's settings of a database. Raises ImproperlyConfigured if it is no address of one."""
+    try:
+        settings = dj_database_url.parse(os.environ.get(name) or default, conn_max_age=600, conn_health_checks=True)
+    except ValueError:
+        raise ImproperlyConfigured(
+            f"{name} cannot be read: write it like postgres://user:password@host/name."
+        ) from None
+    return dict(settings)
+
+
+def secret(name: str, folder: Path) -> str:
+    """The variable, or a secret made once and kept in a file that only this user can read."""
+    if value := os.environ.get(name):
+        return value
+    path = folder / name.lower()
+    try:
+        if not path.exists():
+            _make_secret(path)
+        return path.read_text()
+    except OSError as error:
+        raise ImproperlyConfigured(
+            f"{path} cannot be written or read ({error.strerror}): "
+            "set SHEPHERD_DATA to a folder of yours that has free space."
+        ) from None
+
+
+def _make_secret(path: Path) -> None:
+    """Write a new secret, readable by this user only; of several processes that do so at once, the first wins."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f"{path.name}.{os.getpid()}")
+    partial.touch(mode=0o600)
+    try:
+        partial.write_text(secrets.token_urlsafe(48))
+        os.link(partial, path)
+    except FileExistsError:
+        pass
+    finally:
+        partial.unlink()

@@ -1,0 +1,89 @@
+"""`manage.py create_agent` and `manage.py demo_data`."""
+
+import io
+import json
+
+import pytest
+from django.core.management import CommandError, call_command
+
+from agents_app.models import Agent, APIKey, User, hash_key
+
+pytestmark = pytest.mark.django_db
+
+
+def run(*arguments, **options):
+    out = io.StringIO()
+    base = {
+        "owner": "ann",
+        "name": "lander",
+        "algorithm": "PPO",
+        "action_space": "4",
+        "observation_space": "[[8], -10, 10]",
+    }
+    call_command("create_agent", *arguments, **(base | options), stdout=out)
+    return json.loads(out.getvalue())
+
+
+def test_it_prints_the_agent_and_a_key_that_opens_it():
+    printed = run()
+    agent = Agent.objects.get(pk=printed["id"])
+    assert (agent.name, agent.owner.name, agent.action_space) == ("lander", "ann", 4)
+    assert APIKey.objects.get(hash=hash_key(printed["api_key"])).agent == agent
+    assert not agent.owner.has_usable_password()
+
+
+def test_it_sets_parameters_advice_and_other_fields():
+    printed = run(
+        "--parameter=gamma=0.9",
+        "--parameter=normalize_advantage=no",
+        "--set=max_executions=3",
+        "--set=public=true",
+        "--advice=none",
+        "--no-learning-correction",
+        "--rho=0.5",
+    )
+    agent = Agent.objects.get(pk=printed["id"])
+    assert agent.own_parameters() == {"gamma": 0.9, "normalize_advantage": False}
+    assert (agent.max_executions, agent.public, agent.advice_method) == (3, True, "none")
+    assert (agent.learning_correction, agent.rho) == (False, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "sentence"),
+    [
+        ([], {"algorithm": "XPO"}, "write one of A2C"),
+        ([], {"observation_space": "vector"}, "is no JSON"),
+        ([], {"observation_space": "[[8], -10]"}, "this one has 2"),
+        ([], {"policy": "CnnPolicy"}, "write auto or MlpPolicy"),
+        (["--parameter=gama=1"], {}, "PPO has no gama"),
+        (["--parameter=gamma=much"], {}, "write a number"),
+        (["--parameter=gamma=2"], {}, "write 1 or less"),
+        (["--parameter=gamma"], {}, "write NAME=VALUE"),
+        (["--set=colour=red"], {}, "is no field"),
+        (["--set=rho=2"], {}, "less than or equal to 1"),
+        (["--set=max_executions=many"], {}, "must be an integer"),
+    ],
+)
+def test_it_refuses_in_words_and_makes_nothing(arguments, options, sentence):
+    with pytest.raises(CommandError, match=sentence):
+        run(*arguments, **options)
+    assert not Agent.objects.exists()
+    assert not User.objects.exists()
+
+
+def test_it_refuses_a_second_agent_of_that_name():
+    run()
+    with pytest.raises(CommandError, match="already exists"):
+        run()
+
+
+def test_demo_data_is_made_once():
+    out = io.StringIO()
+    call_command("demo_data", stdout=out)
+    made = json.loads(out.getvalue())
+    assert User.objects.get(name="admin").check_password(made["admin"]["password"])
+    assert [agent["name"] for agent in made["agents"]] == ["CartPole demo", "Lunar Lander demo"]
+    again = io.StringIO()
+    call_command("demo_data", stdout=again)
+    assert again.getvalue() == ""
+    assert Agent.objects.count() == 2

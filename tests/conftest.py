@@ -1,0 +1,46 @@
+"""Fixtures that several rooms use, and the rule that continuous integration skips nothing."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.servers import Server, running_server
+
+NEVER_SKIPPED_IN_CI = ("browser", "service")
+
+
+@pytest.fixture(scope="session")
+def server() -> Iterator[Server]:
+    """One server for all tests that neither kill nor configure it."""
+    with running_server() as shared:
+        yield shared
+
+
+@pytest.fixture
+def make_server() -> Iterator[Callable[..., Server]]:
+    """Starts servers for one test: `make_server(SHEPHERD_WEB_WORKERS=2)`."""
+    with ExitStack() as stack:
+        yield lambda **environment: stack.enter_context(running_server(**environment))
+
+
+@pytest.fixture(autouse=True)
+def _data_folder(request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    """Keep tests inside this process away from the developer's own data folder."""
+    settings: Any = request.getfixturevalue("settings")
+    settings.DATA_DIR = tmp_path / "data"
+    settings.STATIC_ROOT, settings.LOG_DIR = settings.DATA_DIR / "static", settings.DATA_DIR / "logs"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Any:
+    """Where CI is set, a test that misses its browser or service fails."""
+    report = yield
+    if report.skipped and os.environ.get("CI") and any(map(item.get_closest_marker, NEVER_SKIPPED_IN_CI)):
+        report.outcome, report.longrepr = "failed", f"skipped, though CI skips no such test: {report.longrepr[2]}"
+    return report

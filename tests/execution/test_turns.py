@@ -1,0 +1,37 @@
+"""Learners take turns at long updates, and none of them can keep the others waiting for ever."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+
+from envs_app.execution.turns import Turns
+
+
+def test_as_many_train_at_once_as_may(tmp_path: Path) -> None:
+    one, other, third = (Turns(tmp_path, 2) for _ in range(3))
+    one.take()
+    other.take()
+    waiting = threading.Thread(target=third.take, daemon=True)
+    waiting.start()
+    waiting.join(0.1)
+    assert waiting.is_alive()
+    one.give_back()
+    waiting.join(5)
+    assert not waiting.is_alive()
+
+
+def test_an_update_that_takes_minutes_keeps_nobody_waiting_so_long(tmp_path: Path) -> None:
+    endless, patient = Turns(tmp_path, 1), Turns(tmp_path, 1, patience=0.1)
+    endless.take()
+    before = time.monotonic()
+    patient.take()
+    assert time.monotonic() - before >= 0.1
+    patient.give_back()
+
+
+def test_without_a_folder_there_are_no_turns(tmp_path: Path) -> None:
+    turns = Turns(tmp_path / "missing", 1)
+    turns.take()
+    turns.give_back()
