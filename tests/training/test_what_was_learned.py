@@ -17,7 +17,7 @@ QUICK = {"learning_rate": 0.02, "gamma": 0.0, "net_arch": "16"}
 ANNEALED = {"total_timesteps": 700, "exploration_fraction": 0.5, "target_update_interval": 50}
 AGENTS: dict[str, dict[str, Any]] = {
     "PPO": {"parameters": QUICK},
-    "RecurrentPPO": {"algorithm": "RecurrentPPO", "parameters": QUICK},
+    "RecurrentPPO": {"algorithm": "RecurrentPPO", "parameters": QUICK | {"learning_rate": 0.003}},  # LSTMs want less
     "DQN": {"algorithm": "DQN", "parameters": QUICK | ANNEALED},
     "switched": {"parameters": QUICK},
     "reset": {"parameters": QUICK},
