@@ -14,6 +14,7 @@ from stable_baselines3.common.distributions import Distribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 
 from agents_app.algorithms.advice import intersect_logits, intersect_mean, plain_space, without_advice
+from agents_app.algorithms.mixing import Mixing
 
 
 class AdvisedPolicy(ActorCriticPolicy):
@@ -24,25 +25,25 @@ class AdvisedPolicy(ActorCriticPolicy):
         observation_space: spaces.Space,
         action_space: spaces.Space,
         lr_schedule: Any,
-        correction: bool = True,
+        mixing: Mixing = Mixing(),  # noqa: B008  (frozen)
         **kwargs: Any,
     ) -> None:
-        """`correction`: whether the learning rule sees the mixed policy."""
+        """`mixing`: how advice changes the actions, and whether the learning rule knows."""
         super().__init__(plain_space(observation_space), action_space, lr_schedule, **kwargs)
-        self.correction = correction
+        self.mixing = mixing
 
     def forward(self, obs: Any, deterministic: bool = False) -> tuple[th.Tensor, th.Tensor, th.Tensor]:
         """Action chosen with advice, (B, ...); value, (B, 1); log-probability that the learning rule takes for it, (B,)."""
         latent_pi, latent_vf = self._latents(obs)
         mixed = self._distribution(latent_pi, obs["advice"])
         actions = mixed.get_actions(deterministic=deterministic)
-        log_prob = (mixed if self.correction else self._distribution(latent_pi)).log_prob(actions)
+        log_prob = (mixed if self.mixing.correction else self._distribution(latent_pi)).log_prob(actions)
         return actions.reshape((-1, *(self.action_space.shape or ()))), self.value_net(latent_vf), log_prob
 
     def evaluate_actions(self, obs: Any, actions: th.Tensor) -> tuple[th.Tensor, th.Tensor, th.Tensor | None]:
         """Values (B, 1), log-probabilities (B,) and entropies (B,) of the policy that the learning rule sees."""
         latent_pi, latent_vf = self._latents(obs)
-        distribution = self._distribution(latent_pi, obs["advice"] if self.correction else None)
+        distribution = self._distribution(latent_pi, obs["advice"] if self.mixing.correction else None)
         return self.value_net(latent_vf), distribution.log_prob(actions), distribution.entropy()
 
     def extract_features(self, obs: Any, features_extractor: Any = None) -> Any:
@@ -52,7 +53,7 @@ class AdvisedPolicy(ActorCriticPolicy):
     def get_distribution(self, obs: Any) -> Distribution:
         """The learner's own policy, without advice (TRPO asks it of the mixed one only with the correction)."""
         latent_pi, _ = self._latents(obs)
-        advised = self.correction and isinstance(obs, dict) and "advice" in obs
+        advised = self.mixing.correction and isinstance(obs, dict) and "advice" in obs
         return self._distribution(latent_pi, obs["advice"] if advised else None)
 
     def predict_values(self, obs: Any) -> th.Tensor:

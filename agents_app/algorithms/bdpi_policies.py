@@ -17,8 +17,7 @@ from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
 
 from agents_app.algorithms.advice import intersect_logits, plain_space, without_advice
 from agents_app.algorithms.ensemble import Ensemble, StackedAdam
-
-METHODS = ("intersection", "reuse")
+from agents_app.algorithms.mixing import INTERSECTION, Mixing
 
 
 class BDPIPolicy(BasePolicy):
@@ -34,23 +33,19 @@ class BDPIPolicy(BasePolicy):
         lr_schedule: Schedule,
         net_arch: list[int] | None = None,
         n_critics: int = 8,
-        correction: bool = True,
-        method: str = "intersection",
-        psi: float = 0.5,
+        mixing: Mixing = Mixing(),  # noqa: B008  (frozen)
         normalize_images: bool = True,
         optimizer_kwargs: dict[str, Any] | None = None,
     ) -> None:
-        """`correction`, `method`, `psi`: whether the actor's target knows the advice; how it is mixed, and how often reused."""
+        """`mixing`: how advice changes the actions, and whether the actor's target knows."""
         super().__init__(
             plain_space(observation_space),
             action_space,
             normalize_images=normalize_images,
             optimizer_kwargs=optimizer_kwargs,
         )
-        if method not in METHODS:
-            raise ValueError(f"method is {method!r}: choose one of {', '.join(METHODS)}.")
         self.net_arch, self.n_critics = net_arch or [256], n_critics
-        self.correction, self.method, self.psi = correction, method, psi
+        self.mixing = mixing
         self.lookup = isinstance(self.observation_space, spaces.Discrete)
         self.actor = self._network(1, lr_schedule, softmax=True)
         self.critics = th.nn.ModuleList(self._network(n_critics, lr_schedule) for _ in "AB")
@@ -84,7 +79,8 @@ class BDPIPolicy(BasePolicy):
 
     def mix(self, logits: th.Tensor, advice: th.Tensor) -> th.Tensor:
         """Unnormalised log-probabilities of the policy that acts, (B, A)."""
-        return intersect_logits(logits, advice) if self.method == "intersection" else reuse(logits, advice, self.psi)
+        by_product = self.mixing.method == INTERSECTION
+        return intersect_logits(logits, advice) if by_product else reuse(logits, advice, self.mixing.psi)
 
     def obs_to_tensor(self, observation: Any) -> tuple[PyTorchObs, bool]:
         """Tensors of the client's observation."""
@@ -105,7 +101,7 @@ class BDPIPolicy(BasePolicy):
         return network
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
-        own = {name: getattr(self, name) for name in ("net_arch", "n_critics", "correction", "method", "psi")}
+        own = {name: getattr(self, name) for name in ("net_arch", "n_critics", "mixing")}
         return {
             "observation_space": self.observation_space,
             "action_space": self.action_space,

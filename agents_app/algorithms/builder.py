@@ -57,7 +57,7 @@ def build(spec: AgentSpec, env: gym.Env | VecEnv, seed: int | None) -> Any:
     paced: Any = type(stock.__name__, (Paced, algorithm_class), {"horizon": horizon})
     arguments["policy_kwargs"] = {**family.POLICY_KWARGS, **arguments.get("policy_kwargs", {})}
     if is_advised(spec):
-        arguments["policy_kwargs"] = {**arguments.get("policy_kwargs", {}), "correction": spec.learning_correction}
+        arguments["policy_kwargs"]["mixing"] = spec.mixing()
     algorithm = paced(policy, env, device="cpu", verbose=0, seed=seed, **arguments)
     algorithm.stock_policy = stock_policy
     return algorithm
@@ -103,7 +103,7 @@ def export(algorithm: Any, spec: AgentSpec, path: Path) -> None:
     state_dicts, variables = algorithm._get_torch_save_params()
     for name in (*algorithm._excluded_save_params(), *(name.split(".")[0] for name in state_dicts + variables)):
         data.pop(name, None)
-    policy_kwargs = {key: value for key, value in algorithm.policy_kwargs.items() if key != "correction"}
+    policy_kwargs = {key: value for key, value in algorithm.policy_kwargs.items() if key != "mixing"}
     data |= {"policy_class": algorithm.stock_policy, "policy_kwargs": policy_kwargs}
     data |= {"observation_space": spec.observations()}
     data |= {"_last_obs": None, "_last_original_obs": None, "_last_episode_starts": None}

@@ -10,6 +10,7 @@ from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from agents_app.algorithms.actor import Memory
+from agents_app.algorithms.mixing import Mixing
 from agents_app.algorithms.on_policy import OnPolicyActor
 from agents_app.algorithms.replay import Decision
 from agents_app.algorithms.small_net import SmallNet, draw, gaussian_log_prob, log_softmax
@@ -21,7 +22,7 @@ class SmallActor(OnPolicyActor):
     def __init__(self, algorithm: BaseAlgorithm) -> None:
         super().__init__(algorithm)
         self.net = SmallNet(self.policy)  # type: ignore[arg-type]
-        self.correction = getattr(self.policy, "correction", True)
+        self.correction = getattr(self.policy, "mixing", Mixing()).correction
         self._choose = self._choose_one if isinstance(self.action_space, spaces.Discrete) else self._choose_vector
 
     def decide(self, obs: Any, memory: Memory, mask: np.ndarray | None) -> tuple[Decision, Memory]:

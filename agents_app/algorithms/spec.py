@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
+from agents_app.algorithms.mixing import Mixing
 from agents_app.spaces import is_image, parse_space
 
 
@@ -29,6 +30,10 @@ class AgentSpec:
     def to_dict(self) -> dict[str, Any]:
         """The fields, for a message."""
         return asdict(self)
+
+    def mixing(self) -> Mixing:
+        """How its policy takes advice."""
+        return Mixing(self.advice_method, self.learning_correction, self.psi)
 
     def actions(self) -> spaces.Space:
         """The action space."""

@@ -15,6 +15,7 @@ from agents_app.algorithms import off_policy
 from agents_app.algorithms.advice import neutral_advice
 from agents_app.algorithms.bdpi import BDPI, Batches, correct_intersection, correct_reuse
 from agents_app.algorithms.ensemble import Ensemble
+from agents_app.algorithms.mixing import Mixing
 from agents_app.algorithms.replay import Segment, Tape, TapeClosed
 from envs_app.shepherd_env import ShepherdEnv
 from tests.algorithms.bdpi_loop import LoopBDPI, networks_of
@@ -34,8 +35,8 @@ METHODS = ["intersection", "reuse"]
 
 def make(env: gym.Env, **options: Any) -> BDPI:
     """A small BDPI; `method`, `psi` and `correction` are the policy's."""
-    own = {name: options.pop(name) for name in ("method", "psi", "correction") if name in options}
-    given: dict[str, Any] = {"policy_kwargs": {"net_arch": [32], **own}, "seed": 1, "device": "cpu"}
+    mixing = Mixing(**{name: options.pop(name) for name in ("method", "psi", "correction") if name in options})
+    given: dict[str, Any] = {"policy_kwargs": {"net_arch": [32], "mixing": mixing}, "seed": 1, "device": "cpu"}
     name = "MultiInputPolicy" if isinstance(env.observation_space, spaces.Dict) else "MlpPolicy"
     return BDPI(name, env, **QUICK | given | options)
 
@@ -145,7 +146,7 @@ def test_the_policy_alone_comes_back_from_a_file(tmp_path: Path):
     policy = make(Identity(), method="reuse").policy
     policy.save(str(tmp_path / "policy.pt"))
     loaded = type(policy).load(str(tmp_path / "policy.pt"), device="cpu")
-    assert loaded.method == "reuse"
+    assert loaded.mixing.method == "reuse"
     assert all(th.equal(a, b) for a, b in zip(loaded.parameters(), policy.parameters(), strict=True))
 
 
@@ -205,11 +206,6 @@ def test_the_correction_can_be_left_out():
     bad = np.array([0.8, 0.1, 0.1], np.float32)
     with_it, without = (make(Advised(Identity(), bad), correction=on).learn(80) for on in (True, False))
     assert not th.equal(with_it.actor.layers[0].weight, without.actor.layers[0].weight)
-
-
-def test_an_unknown_method_is_refused():
-    with pytest.raises(ValueError, match="intersection, reuse"):
-        make(Identity(), method="union")
 
 
 # --- the bridge ---

@@ -15,6 +15,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 
 from agents_app.algorithms import on_policy
 from agents_app.algorithms.advised import AdvisedPolicy
+from agents_app.algorithms.mixing import Mixing
 from agents_app.algorithms.policy_gradient import PolicyGradient
 from agents_app.algorithms.replay import Segment, Tape, TapeClosed
 from agents_app.algorithms.small_actor import SmallActor
@@ -125,7 +126,7 @@ def test_neutral_advice_changes_nothing_to_the_bit(env):
 
 @pytest.mark.parametrize("correction", [True, False])
 def test_the_step_is_the_gradient_of_eq_3_1(correction):
-    kwargs = {"correction": correction, "optimizer_class": th.optim.SGD, "net_arch": [8]}
+    kwargs = {"mixing": Mixing(correction=correction), "optimizer_class": th.optim.SGD, "net_arch": [8]}
     env = Advised(Identity(), SOME_ADVICE)
     model = make(env, AdvisedMlp, learning_rate=1.0, gamma=0.9, policy_kwargs=kwargs, **EQ_2_1)
     before = copy.deepcopy(model.policy)

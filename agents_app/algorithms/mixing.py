@@ -1,0 +1,23 @@
+"""How advice meets the learner's policy: an agent's settings, as plain data for its policy (reference: actor_advisor.md
+sections 1 and 2). No torch here: the web process checks settings too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+INTERSECTION, UNION, REUSE, SHAPING = "intersection", "union", "reuse", "shaping"
+BY_MEAN, BY_SAMPLING = "mean", "sampling"
+LEARNER, ADVISOR = "learner", "advisor"
+
+
+@dataclass(frozen=True)
+class Mixing:
+    """`Mixing()` is what an agent does that was not told otherwise."""
+
+    method: str = INTERSECTION  # UNION, REUSE, or SHAPING: the advice is a reward and changes no action
+    correction: bool = True  # whether the learning rule sees the mixed policy, eq. 3.1
+    psi: float = 0.5  # REUSE: how often the advisor's action is taken, eq. 2.5
+    continuous: str = BY_MEAN  # how continuous policies are intersected: eq. 3.5, or BY_SAMPLING, alg. 1
+    samples: int = 64  # BY_SAMPLING: actions drawn from the advisor
+    last_word: str = LEARNER  # whose policy stands where the intersection is empty
