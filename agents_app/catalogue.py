@@ -53,12 +53,12 @@ def read_entries() -> dict[str, list[Entry]]:
 def entries_of(row: Row) -> Iterator[Entry]:
     """The parameters of one algorithm: its own that are numbers, truths or texts, then Shepherd's."""
     cls = row.load()
-    signature, docs = inspect.signature(cls.__init__).parameters, docstring_parameters(cls)
+    signature, docs = inspect.signature(cls.__init__, eval_str=True).parameters, docstring_parameters(cls)
     replays = "buffer_size" in signature
+    plain = texts.PARAMETERS | (texts.REPLAYING if replays else {}) | texts.OWN.get(row.name, {})
     for name, parameter in signature.items():
         kind = type_of(parameter.annotation)
         if kind is not None and name not in LEFT_OUT:
-            plain = texts.PARAMETERS | (texts.REPLAYING if replays else {})
             yield _entry(name, kind, parameter.default, plain.get(name) or docs.get(name, ""), replays)
     yield _entry("net_arch", ParameterType.STR, None, texts.NET_ARCH)
     if "action_noise" in signature:

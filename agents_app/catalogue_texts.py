@@ -17,6 +17,10 @@ ALGORITHMS = {
     "ARS": "Random search: tries small changes of a simple network for whole episodes and keeps what helped.",
     "RecurrentPPO": "PPO with a memory (LSTM), for when one observation does not tell all.",
     "MaskablePPO": "PPO that never takes an action that the client forbids at a step (action_mask).",
+    "BDPI": "For choosing one of a few actions when steps are dear and computing is cheap: several critics teach one "
+    "actor, again and again from memory. Learns from very few steps. Executions can advise each other.",
+    "PolicyGradient": "The ancestor of PPO and A2C, for comparison: plays whole episodes, then makes what led to high "
+    "returns more probable. Executions can advise each other.",
 }
 
 NET_ARCH = "Sizes of the hidden layers, separated by commas, e.g. 64,64. Larger networks learn more, and more slowly."
@@ -73,12 +77,36 @@ PARAMETERS = {
     "zero_policy": "Begin with a network of zeros.",
     "alive_bonus_offset": "Added to each reward; a negative number takes away a reward for merely staying alive.",
     "n_eval_episodes": "Episodes played with each change.",
+    "n_episodes": "How many episodes are played before each update.",
+    "baseline": "Learn what return each state leads to, and reward only what is better than that; steadier.",
+    "baseline_steps": "How many steps of learning that expectation makes for each update of the policy.",
+    "n_critics": "How many critics teach the actor. More are steadier, and cost more time at each step.",
+    "q_loops": "How often each critic moves its estimates in a round of training; its two networks take turns.",
+    "fit_steps": "How many steps of the gradient each network makes towards each new estimate.",
+    "alpha": "How far a new estimate moves from the old one: 1 is all the way, lower is steadier.",
+    "delta": "How far the actor may move for one critic. Smaller learns more slowly, and explores for longer.",
 }
 
 # Same name, another meaning in the algorithms that learn from memory.
 REPLAYING = {
     "n_steps": "Learn from the sum of so many rewards instead of one.",
     "ent_coef": "Reward for trying different actions: 'auto' finds the best, 'auto_0.1' begins there; or a number.",
+}
+
+# Same name, another meaning in one algorithm.
+OWN = {
+    "BDPI": {
+        "learning_rate": "How large the steps of learning are, of the actor and of the critics.",
+        "learning_starts": "How many steps are collected before learning starts. The actor chooses from the first on.",
+        "train_freq": "Learn every so many steps. Learning is costly here: raise it when clients have to wait.",
+        "gradient_steps": "How many rounds of training are made each time; in each, every critic learns, then teaches "
+        "the actor. -1: as many as steps were made since the last time.",
+    },
+    "PolicyGradient": {
+        "n_steps": "An update comes after so many steps at the latest; an episode that is longer is cut there.",
+        "normalize_advantage": "Bring the returns of an update to one scale, so that the scale of rewards matters less.",
+        "max_grad_norm": "The largest step of the gradient that is taken; guards against jumps. Empty: no limit.",
+    },
 }
 
 POSITIVE, SHARE = (1e-8, None), (0, 1)
@@ -122,6 +150,13 @@ BOUNDS: dict[str, tuple[float | None, float | None]] = {
     "n_top": (1, 10_000),
     "delta_std": POSITIVE,
     "n_eval_episodes": (1, 1000),
+    "n_episodes": (1, 1000),
+    "baseline_steps": (1, 1000),
+    "n_critics": (1, 64),
+    "q_loops": (1, 100),
+    "fit_steps": (1, 1000),
+    "alpha": (1e-8, 1),
+    "delta": (1e-8, 10),
     "total_timesteps": (1, 10**12),
 }
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from agents_app.models.catalogue import Algorithm
 
 FIXED = ("policy", "action_space", "observation_space")  # what the weights depend on
-FIXED_PARAMETERS = {"net_arch", "use_sde"}  # too
+FIXED_PARAMETERS = {"net_arch", "use_sde", "n_critics"}  # too
 HAS_LEARNED = "The agent has learned with another value: reset its learning first, or make a new agent."
 LINEAR = "LinearPolicy"
 

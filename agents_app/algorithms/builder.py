@@ -49,10 +49,9 @@ def build(spec: AgentSpec, env: gym.Env | VecEnv, seed: int | None) -> Any:
     row, family = get_row(spec.algorithm), family_of(spec)
     stock = row.load()
     stock_policy = stock.policy_aliases[policy_name(row, spec.observations(), spec.policy)]
-    advised = (
-        type(f"Advised{stock_policy.__name__}", (AdvisedPolicy, stock_policy), {}) if is_advised(spec) else stock_policy
+    algorithm_class, policy = family.learner_classes(
+        stock, _advised(stock_policy) if is_advised(spec) else stock_policy
     )
-    algorithm_class, policy = family.learner_classes(stock, advised)
     arguments, horizon = _arguments(spec)
     paced: Any = type(stock.__name__, (Paced, algorithm_class), {"horizon": horizon})
     arguments["policy_kwargs"] = {**family.POLICY_KWARGS, **arguments.get("policy_kwargs", {})}
@@ -61,6 +60,13 @@ def build(spec: AgentSpec, env: gym.Env | VecEnv, seed: int | None) -> Any:
     algorithm = paced(policy, env, device="cpu", verbose=0, seed=seed, **arguments)
     algorithm.stock_policy = stock_policy
     return algorithm
+
+
+def _advised(policy: type[Any]) -> type[Any]:
+    """The policy itself, where it takes advice as it is; else with the mixin."""
+    if getattr(policy, "takes_advice", False):
+        return policy
+    return type(f"Advised{policy.__name__}", (AdvisedPolicy, policy), {})
 
 
 def _arguments(spec: AgentSpec) -> tuple[dict[str, Any], int]:
@@ -98,7 +104,10 @@ def _noise(text: str, spec: AgentSpec) -> ActionNoise | None:
 
 
 def export(algorithm: Any, spec: AgentSpec, path: Path) -> None:
-    """Write the model as the ZIP that the stock class's own `save` would write: no class of Shepherd is needed to load it."""
+    """Write the model as the ZIP that the stock class's own `save` would write.
+
+    No class of Shepherd is needed to load it, but for the algorithms that Stable-Baselines3 does not have.
+    """
     data = {key: value for key, value in algorithm.__dict__.items() if key not in OURS}
     state_dicts, variables = algorithm._get_torch_save_params()
     for name in (*algorithm._excluded_save_params(), *(name.split(".")[0] for name in state_dicts + variables)):

@@ -51,8 +51,9 @@ def attach(algorithm: Any, tape: Tape) -> None:
 
 
 def allowed_lead(algorithm: Any) -> int:
-    """How many decisions the actor may be ahead of the learner: half a rollout (docs/adr/0003)."""
-    return max(algorithm.n_steps // 2, min(algorithm.n_steps, 8))
+    """How many decisions the actor may be ahead of the learner: half a rollout (docs/adr/0003), or the algorithm's limit."""
+    lead = max(algorithm.n_steps // 2, min(algorithm.n_steps, 8))
+    return min(lead, getattr(algorithm, "max_lead", lead))
 
 
 def has_long_updates(algorithm: Any) -> bool:

@@ -80,6 +80,9 @@ class PolicyGradient(OnPolicyAlgorithm):
         "CnnPolicy": ActorCriticCnnPolicy,
         "MultiInputPolicy": MultiInputActorCriticPolicy,
     }
+    max_lead: ClassVar[int] = (
+        8  # its updates come with the ends of episodes; what was chosen before one is foreign after it
+    )
     rollout_buffer: EpisodeBuffer
     policy: ActorCriticPolicy
 

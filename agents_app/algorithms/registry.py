@@ -13,6 +13,8 @@ from typing import Any
 ACTOR_CRITIC = ("MlpPolicy", "CnnPolicy", "MultiInputPolicy")
 RECURRENT = ("MlpLstmPolicy", "CnnLstmPolicy", "MultiInputLstmPolicy")
 LINEAR = ("LinearPolicy", "MlpPolicy")
+FLAT = ("MlpPolicy", "MultiInputPolicy")
+OURS = "agents_app.algorithms"
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,15 @@ ROWS = (
     Row("ARS", "sb3_contrib:ARS", "direct", discrete=True, continuous=True, policies=LINEAR),
     Row("RecurrentPPO", "sb3_contrib:RecurrentPPO", "recurrent", discrete=True, continuous=True, policies=RECURRENT),
     Row("MaskablePPO", "sb3_contrib:MaskablePPO", "maskable", discrete=True, continuous=False),
+    Row("BDPI", f"{OURS}.bdpi:BDPI", "off_policy", discrete=True, continuous=False, advice=True, policies=FLAT),
+    Row(
+        "PolicyGradient",
+        f"{OURS}.policy_gradient:PolicyGradient",
+        "on_policy",
+        discrete=True,
+        continuous=True,
+        advice=True,
+    ),
 )
 BY_NAME = {row.name: row for row in ROWS}
 

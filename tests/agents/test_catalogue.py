@@ -44,6 +44,14 @@ def test_every_default_is_within_its_own_bounds_and_explained(row):
             check_value(each, each.default)
 
 
+def test_a_parameter_means_what_it_means_in_its_algorithm():
+    assert "learning starts" in parameter("BDPI", "learning_starts").help_text
+    assert "random" in parameter("DQN", "learning_starts").help_text
+    assert "random" not in parameter("BDPI", "learning_starts").help_text
+    assert "episode" in parameter("PolicyGradient", "n_steps").help_text
+    assert "episode" not in parameter("PPO", "n_steps").help_text
+
+
 def test_objects_and_the_servers_business_are_left_out():
     names = set(Parameter.objects.values_list("name", flat=True))
     left_out = {"env", "policy", "device", "tensorboard_log", "verbose", "_init_setup_model", "replay_buffer_class"}
@@ -79,11 +87,11 @@ def test_filling_again_changes_nothing():
 
 
 def test_filling_mends_what_was_changed_and_unlists_what_vanished():
-    Algorithm.objects.create(name="BDPI", discrete=True)
+    Algorithm.objects.create(name="Sarsa", discrete=True)
     Parameter.objects.filter(name="gamma").update(default=0.5)
     Parameter.objects.create(algorithm=Algorithm.objects.get(name="PPO"), name="gone", type=ParameterType.INT)
     catalogue.fill()
-    assert not Algorithm.objects.get(name="BDPI").listed
+    assert not Algorithm.objects.get(name="Sarsa").listed
     assert parameter("PPO", "gamma").default == 0.99
     assert not Parameter.objects.filter(name="gone").exists()
 
@@ -102,6 +110,11 @@ def test_filling_mends_what_was_changed_and_unlists_what_vanished():
         ("TD3", "action_noise", "normal"),
         ("TD3", "action_noise", "pink 0.1"),
         ("PPO", "gamma", None),
+        ("PolicyGradient", "n_episodes", 0),
+        ("BDPI", "n_critics", 65),
+        ("BDPI", "alpha", 0.0),
+        ("BDPI", "alpha", 1.1),
+        ("BDPI", "delta", 0.0),
     ],
 )
 def test_values_out_of_bounds_are_refused_in_words(algorithm, name, value):
@@ -121,6 +134,7 @@ def test_values_out_of_bounds_are_refused_in_words(algorithm, name, value):
         ("TD3", "action_noise", "ou 0.2"),
         ("TD3", "action_noise", "normal 0"),
         ("TD3", "action_noise", ""),
+        ("BDPI", "alpha", 1.0),
     ],
 )
 def test_texts_that_can_be_read_are_taken(algorithm, name, value):

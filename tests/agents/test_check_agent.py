@@ -47,6 +47,8 @@ def refusal(field, **fields):
         ("SAC", REAL, DICTIONARY, "auto"),
         ("CrossQ", REAL, VECTOR, "auto"),
         ("ARS", 2, VECTOR, "LinearPolicy"),
+        ("BDPI", 4, DICTIONARY, "auto"),
+        ("PolicyGradient", REAL, IMAGE, "CnnPolicy"),
         ("RecurrentPPO", 2, IMAGE, "CnnLstmPolicy"),
     ],
 )
@@ -77,6 +79,7 @@ def test_it_refuses_what_is_no_space(space, sentence):
     ("algorithm", "space", "sentence"),
     [
         ("DQN", REAL, "write a whole number n"),
+        ("BDPI", REAL, "write a whole number n"),
         ("SAC", 4, "write [shape, low, high]"),
         ("PPO", {"a": 2}, "cannot be a dictionary"),
         ("SAC", [[2], -1e300, 1e300], "write smaller ones"),
@@ -104,7 +107,13 @@ def test_it_refuses_a_network_that_does_not_fit(algorithm, space, policy, senten
 
 @pytest.mark.parametrize(
     ("algorithm", "action_space", "space"),
-    [("CrossQ", REAL, IMAGE), ("CrossQ", REAL, DICTIONARY), ("ARS", 2, IMAGE), ("PPO", 2, {"eye": SMALL})],
+    [
+        ("CrossQ", REAL, IMAGE),
+        ("BDPI", 4, IMAGE),
+        ("CrossQ", REAL, DICTIONARY),
+        ("ARS", 2, IMAGE),
+        ("PPO", 2, {"eye": SMALL}),
+    ],
 )
 def test_it_refuses_observations_without_a_network(algorithm, action_space, space):
     assert "write" in refusal(

@@ -1,5 +1,7 @@
 """Run by test_export.py with `python -I`, far from Shepherd: loads models with stock classes, and prints what they do.
 
+With an argument, Shepherd's folder, it loads those of Shepherd's own classes, and sees that they need nothing of the server.
+
 Reads JSON: a list of {"class": "module:name", "path", "observations"}. Writes JSON: for each, the greedy actions, and the
 probabilities of all actions where the policy has any.
 """
@@ -30,6 +32,7 @@ def probabilities(model, observations):
 def main():
     """Load them all."""
     assert find_spec("agents_app") is None and find_spec("envs_app") is None, "Shepherd can be imported here"
+    sys.path += sys.argv[1:]
     results = []
     for job in json.load(sys.stdin):
         module, name = job["class"].split(":")
@@ -38,6 +41,7 @@ def main():
         actions = [model.predict(obs, deterministic=True)[0].tolist() for obs in observations]
         facts = {"steps": model.num_timesteps, "updates": model._n_updates, "policy": type(model.policy).__name__}
         results.append({"actions": actions, "probabilities": probabilities(model, observations), **facts})
+    assert not {"django", "envs_app"} & sys.modules.keys(), "the server was imported"
     json.dump(results, sys.stdout)
 
 

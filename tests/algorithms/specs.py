@@ -29,6 +29,8 @@ _OWN: dict[str, dict[str, Any]] = {
     "A2C": _NET | {"n_steps": 8},
     "TRPO": _ON_POLICY | {"batch_size": 16},
     "ARS": {"n_delta": 1},
+    "BDPI": _OFF_POLICY | {"n_critics": 2, "q_loops": 2, "fit_steps": 2},
+    "PolicyGradient": _ON_POLICY,
 }
 
 

@@ -92,7 +92,7 @@ class TestRecords:
 
     @pytest.mark.parametrize("actions", [DISCRETE, CONTINUOUS], ids=["discrete", "continuous"])
     @pytest.mark.parametrize("kind", OBSERVATIONS)
-    @pytest.mark.parametrize("name", ["PPO", "A2C", "TRPO"])
+    @pytest.mark.parametrize("name", ["PPO", "A2C", "TRPO", "PolicyGradient"])
     def test_on_the_policy_the_value_and_the_log_probability(self, name: str, kind: str, actions: Any) -> None:
         spec = make_spec(name, actions, OBSERVATIONS[kind])
         algorithm = built(spec)

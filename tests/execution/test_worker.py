@@ -28,6 +28,8 @@ ON_AND_OFF = [
     ("TD3", CONTINUOUS),
     ("CrossQ", CONTINUOUS),
     ("ARS", DISCRETE),
+    ("BDPI", DISCRETE),
+    ("PolicyGradient", CONTINUOUS),
 ]
 
 
