@@ -16,6 +16,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import BasePolicy
 
 from agents_app.algorithms.replay import Decision
+from agents_app.algorithms.weights import flatten
 
 Memory = Any  # what a recurrent policy remembers of one session's episode; None at its beginning
 
@@ -51,6 +52,24 @@ def own_policy(algorithm: BaseAlgorithm) -> BasePolicy:
         if hasattr(module, "optimizer"):
             module.optimizer = None  # type: ignore[assignment]
     return policy
+
+
+def advising_policy(algorithm: BaseAlgorithm) -> BasePolicy:
+    """Such a copy, without what is not needed to advise: its weights are `advice_weights`."""
+    policy = own_policy(algorithm)
+    for name in only_for_learning(policy):
+        delattr(policy, name)
+    return policy
+
+
+def advice_weights(policy: BasePolicy) -> np.ndarray:
+    """What a peer must know of a policy to take its advice, (P,)."""
+    return flatten(policy, without=only_for_learning(policy))
+
+
+def only_for_learning(policy: BasePolicy) -> tuple[str, ...]:
+    """The modules of a policy that tell nothing of what it does, e.g. critics. A policy may name them itself."""
+    return getattr(policy, "only_for_learning", ())
 
 
 def exploring_part(policy: Any) -> Any:

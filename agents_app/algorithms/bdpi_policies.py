@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import torch as th
 from gymnasium import spaces
+from stable_baselines3.common.distributions import CategoricalDistribution
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.preprocessing import get_flattened_obs_dim, preprocess_obs
 from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
@@ -24,6 +25,7 @@ class BDPIPolicy(BasePolicy):
     """`predict` is the learner's own policy; `sample` mixes it with the advice, if there is any."""
 
     takes_advice = True  # needs no mixin
+    only_for_learning = ("critics",)
     action_space: spaces.Discrete
 
     def __init__(
@@ -67,6 +69,10 @@ class BDPIPolicy(BasePolicy):
     def logits(self, obs: PyTorchObs) -> th.Tensor:
         """Logarithms of the probabilities of the learner's own policy, (B, A)."""
         return self.actor(self.vector(obs)[None])[0].log_softmax(-1)
+
+    def get_distribution(self, obs: PyTorchObs) -> CategoricalDistribution:
+        """The learner's own policy."""
+        return CategoricalDistribution(int(self.action_space.n)).proba_distribution(self.logits(obs))
 
     def sample(self, observation: Any) -> np.ndarray:
         """Actions drawn from the mixed policy at a batch of observations, (B,)."""

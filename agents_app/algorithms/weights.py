@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 import torch as th
 from torch import nn
 
 
-def flatten(policy: nn.Module) -> np.ndarray:
-    """All parameters and buffers of the policy in their own order, (P,) of float32. A copy."""
+def flatten(policy: nn.Module, without: Collection[str] = ()) -> np.ndarray:
+    """All parameters and buffers of the policy in their own order, but for those modules, (P,) of float32. A copy."""
+    state = policy.state_dict().items()
     with th.no_grad():
-        return th.cat([tensor.reshape(-1).float() for tensor in policy.state_dict().values()]).numpy()
+        return th.cat([t.reshape(-1).float() for name, t in state if name.split(".")[0] not in without]).numpy()
 
 
 def assign(policy: nn.Module, weights: np.ndarray) -> None:

@@ -15,7 +15,7 @@ import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.utils import obs_as_tensor
 
-from agents_app.algorithms.actor import batch, own_policy
+from agents_app.algorithms.actor import advising_policy, batch
 from agents_app.algorithms.advice import combine, neutral_advice
 from agents_app.algorithms.small_net import SmallNet, Unsupported, log_softmax
 from agents_app.algorithms.weights import assign
@@ -66,7 +66,7 @@ class Advisors:
 
     def __init__(self, algorithm: Any, peers: Peers, rho: float) -> None:
         """Made before the algorithm learns: its policy is copied here, not while another thread trains it."""
-        self._template, self._peers, self._rho = own_policy(algorithm), peers, rho
+        self._template, self._peers, self._rho = advising_policy(algorithm), peers, rho
         self._action_space = algorithm.action_space
         self._known: dict[int, Peer] = {}
         self._versions: dict[int, int] = {}

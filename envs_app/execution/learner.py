@@ -30,21 +30,22 @@ class Learner(threading.Thread):
     def __init__(
         self,
         algorithm: Any,
-        publishes: bool,
+        weights: Callable[[], np.ndarray] | None,
         save_interval: int,
         save: Callable[[], None],
         on_published: Callable[[], None],
         on_failed: Callable[[str], None],
         turns: Turns | None = None,
     ) -> None:
-        """`turns` are taken for each update; None: updates are short.
+        """`turns` are taken for each update; None: updates are short. The callbacks run in this thread.
 
-        `publishes`: whether the actor needs new weights (it may share them); the callbacks run in this thread."""
+        `weights` are what the actor and the peers need after an update; None: the actor shares them, and there are no peers.
+        """
         super().__init__(name="learner", daemon=True)
         self.algorithm = algorithm
         self.published: np.ndarray | None = None  # replaced, never changed
         self._published_at = 0.0
-        self._publishes, self.save_interval = publishes, save_interval
+        self._weights, self.save_interval = weights, save_interval
         self._save, self._on_published, self._on_failed = save, on_published, on_failed
         self._turns = turns
         self._saved_at = algorithm.num_timesteps
@@ -61,13 +62,13 @@ class Learner(threading.Thread):
     def save_if_newer(self, steps: int) -> None:
         """Save when at least `steps` were learned from since the last time; a full disk does not stop the learning."""
         if self.algorithm.num_timesteps - self._saved_at >= steps:
-            self._finite_weights()
+            check_finite(flatten(self.algorithm.policy))
             self._saved_at = self.algorithm.num_timesteps
             self._save()
 
     def _learn(self) -> None:
         hook = _Hook(self._between_updates, self._before_update)
-        if self._publishes and (optimizer := getattr(self.algorithm.policy, "optimizer", None)):
+        if self._weights and (optimizer := getattr(self.algorithm.policy, "optimizer", None)):
             optimizer.register_step_post_hook(self._amid_an_update)
         with suppress(TapeClosed):
             self.algorithm.learn(ENDLESS, callback=hook, log_interval=None, reset_num_timesteps=False)
@@ -81,25 +82,25 @@ class Learner(threading.Thread):
             self._turns.give_back()
         if self.algorithm._n_updates != self._updates:
             self._updates = self.algorithm._n_updates
-            if self._publishes:
-                self._publish()
+            if self._weights:
+                self._publish(self._weights())
         self.save_if_newer(self.save_interval)
 
     def _amid_an_update(self, *_: Any) -> None:
         """Let the actor follow an update while it is made: what it decides meanwhile is not older than a few minibatches."""
-        if time.monotonic() - self._published_at >= FOLLOW_SECONDS:
-            self.published, self._published_at = flatten(self.algorithm.policy), time.monotonic()
+        if self._weights and time.monotonic() - self._published_at >= FOLLOW_SECONDS:
+            self.published, self._published_at = self._weights(), time.monotonic()
 
-    def _publish(self) -> None:
-        self.published, self._published_at = self._finite_weights(), time.monotonic()
+    def _publish(self, weights: np.ndarray) -> None:
+        check_finite(weights)
+        self.published, self._published_at = weights, time.monotonic()
         self._on_published()
 
-    def _finite_weights(self) -> np.ndarray:
-        """What may be handed on. Raises Diverged."""
-        weights = flatten(self.algorithm.policy)
-        if not np.isfinite(weights).all():
-            raise Diverged("the weights are no longer finite: try a smaller learning rate, or scale the rewards")
-        return weights
+
+def check_finite(weights: np.ndarray) -> None:
+    """Whether they may be handed on. Raises Diverged."""
+    if not np.isfinite(weights).all():
+        raise Diverged("the weights are no longer finite: try a smaller learning rate, or scale the rewards")
 
 
 class _Hook(BaseCallback):

@@ -18,9 +18,11 @@ import torch as th
 
 import envs_app.shepherd_env  # noqa: F401  (registers ShepherdEnv-v0)
 from agents_app.algorithms import builder
+from agents_app.algorithms.actor import advice_weights
 from agents_app.algorithms.advice import advised_space, with_advice
 from agents_app.algorithms.direct import LiveFeed
 from agents_app.algorithms.spec import AgentSpec, see
+from agents_app.algorithms.weights import flatten
 from agents_app.spaces import parse_space
 from envs_app.execution.advisors import Advisors, Peers
 from envs_app.execution.lane import Lane
@@ -103,7 +105,7 @@ class Worker:
         family.attach(self.algorithm, self.feed)
         self.learner = Learner(
             self.algorithm,
-            not family.SHARES_WEIGHTS,
+            self._needed_weights(family),
             spec.save_interval,
             self._save,
             self._published,
@@ -160,6 +162,13 @@ class Worker:
             "learning": self.learning,
             "save_error": self.save_error,
         }
+
+    def _needed_weights(self, family: Any) -> Callable[[], np.ndarray] | None:
+        """What is published after an update: for the actor the whole policy, unless it shares it; for peers what advises."""
+        policy = self.algorithm.policy
+        if family.SHARES_WEIGHTS:
+            return (lambda: advice_weights(policy)) if self.advisors else None
+        return lambda: flatten(policy)
 
     def _turns(self, family: Any) -> Turns | None:
         """Where this learner waits before an update; None if its updates are short."""
