@@ -25,6 +25,21 @@ AGENTS: dict[str, dict[str, Any]] = {
         ["PPO", "A2C"], OBSERVATIONS, [DISCRETE, CONTINUOUS], [True, False]
     )
 }
+AGENTS |= {
+    "PolicyGradient, discrete": {"algorithm": "PolicyGradient"},
+    "PolicyGradient, continuous, no LC": {
+        "algorithm": "PolicyGradient",
+        "action_space": CONTINUOUS,
+        "observation_space": OBSERVATIONS["vector"],
+        "learning_correction": False,
+    },
+    "BDPI, vector": {"algorithm": "BDPI", "observation_space": OBSERVATIONS["vector"]},
+    "BDPI, dict, no LC": {
+        "algorithm": "BDPI",
+        "observation_space": OBSERVATIONS["dict"],
+        "learning_correction": False,
+    },
+}
 
 
 @pytest.fixture(scope="module")
