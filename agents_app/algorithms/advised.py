@@ -1,7 +1,7 @@
 """Actor-critic policies that take advice (thesis 3.1.2, 5.5.1): a mixin over SB3's own policies, no fork.
 
 The network is built on the client's observation alone; `advice` rides in the observation dictionary and meets the logits or
-the mean. With the learning correction (LC) the update sees the mixed policy too, eq. 3.1; without it, the learner's own.
+the Gaussian. With the learning correction (LC) the update sees the mixed policy too, eq. 3.1; without it, the learner's own.
 """
 
 from __future__ import annotations
@@ -13,12 +13,13 @@ from gymnasium import spaces
 from stable_baselines3.common.distributions import Distribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 
-from agents_app.algorithms.advice import intersect_logits, intersect_mean, plain_space, without_advice
-from agents_app.algorithms.mixing import Mixing
+from agents_app.algorithms.advice import intersect_mean, mix_logits, plain_space, without_advice
+from agents_app.algorithms.mixed_gaussians import Accepted, Reused
+from agents_app.algorithms.mixing import BY_MEAN, INTERSECTION, SHAPING, UNION, Mixing
 
 
 class AdvisedPolicy(ActorCriticPolicy):
-    """Acts with the intersection of its own policy and the advice. Mix into a policy class, on the left."""
+    """Acts with its own policy, mixed with the advice. Mix into a policy class, on the left."""
 
     def __init__(
         self,
@@ -28,14 +29,16 @@ class AdvisedPolicy(ActorCriticPolicy):
         mixing: Mixing = Mixing(),  # noqa: B008  (frozen)
         **kwargs: Any,
     ) -> None:
-        """`mixing`: how advice changes the actions, and whether the learning rule knows."""
+        """`mixing`: how advice changes the actions, and whether the learning rule knows. Raises ValueError if it cannot."""
+        if mixing.method == UNION and isinstance(action_space, spaces.Box):
+            raise ValueError("Policy Union is for discrete actions: with vectors of numbers, use Policy Reuse.")
         super().__init__(plain_space(observation_space), action_space, lr_schedule, **kwargs)
         self.mixing = mixing
 
     def forward(self, obs: Any, deterministic: bool = False) -> tuple[th.Tensor, th.Tensor, th.Tensor]:
         """Action chosen with advice, (B, ...); value, (B, 1); log-probability that the learning rule takes for it, (B,)."""
         latent_pi, latent_vf = self._latents(obs)
-        mixed = self._distribution(latent_pi, obs["advice"])
+        mixed = self._distribution(latent_pi, self._advice(obs))
         actions = mixed.get_actions(deterministic=deterministic)
         log_prob = (mixed if self.mixing.correction else self._distribution(latent_pi)).log_prob(actions)
         return actions.reshape((-1, *(self.action_space.shape or ()))), self.value_net(latent_vf), log_prob
@@ -43,7 +46,7 @@ class AdvisedPolicy(ActorCriticPolicy):
     def evaluate_actions(self, obs: Any, actions: th.Tensor) -> tuple[th.Tensor, th.Tensor, th.Tensor | None]:
         """Values (B, 1), log-probabilities (B,) and entropies (B,) of the policy that the learning rule sees."""
         latent_pi, latent_vf = self._latents(obs)
-        distribution = self._distribution(latent_pi, obs["advice"] if self.mixing.correction else None)
+        distribution = self._distribution(latent_pi, self._advice(obs) if self.mixing.correction else None)
         return self.value_net(latent_vf), distribution.log_prob(actions), distribution.entropy()
 
     def extract_features(self, obs: Any, features_extractor: Any = None) -> Any:
@@ -51,10 +54,10 @@ class AdvisedPolicy(ActorCriticPolicy):
         return super().extract_features(without_advice(obs), features_extractor)
 
     def get_distribution(self, obs: Any) -> Distribution:
-        """The learner's own policy, without advice (TRPO asks it of the mixed one only with the correction)."""
+        """The policy that the learning rule sees, of which TRPO asks; without advice in `obs`, the learner's own."""
         latent_pi, _ = self._latents(obs)
         advised = self.mixing.correction and isinstance(obs, dict) and "advice" in obs
-        return self._distribution(latent_pi, obs["advice"] if advised else None)
+        return self._distribution(latent_pi, self._advice(obs) if advised else None)
 
     def predict_values(self, obs: Any) -> th.Tensor:
         """Values, (B, 1); advice changes nothing."""
@@ -71,6 +74,10 @@ class AdvisedPolicy(ActorCriticPolicy):
         pi_features, vf_features = features
         return self.mlp_extractor.forward_actor(pi_features), self.mlp_extractor.forward_critic(vf_features)
 
+    def _advice(self, obs: Any) -> th.Tensor | None:
+        """What may change the actions; as a reward it changes none."""
+        return None if self.mixing.method == SHAPING else obs["advice"]
+
     def _distribution(self, latent_pi: th.Tensor, advice: th.Tensor | None = None) -> Distribution:
         """The action distribution, mixed with the advice if there is any.
 
@@ -78,9 +85,17 @@ class AdvisedPolicy(ActorCriticPolicy):
         """
         raw = self.action_net(latent_pi)
         if isinstance(self.action_space, spaces.Discrete):
-            logits = raw if advice is None else intersect_logits(raw, advice)
+            logits = raw if advice is None else mix_logits(raw, advice, self.mixing)
             return self.action_dist.proba_distribution(action_logits=logits)
-        mean = raw if advice is None else intersect_mean(raw, advice)
+        if advice is None:
+            return self._gaussian(raw, latent_pi)
+        if self.mixing.method != INTERSECTION:
+            return Reused(self._gaussian(raw, latent_pi), advice, self.mixing)
+        if self.mixing.continuous == BY_MEAN:
+            return self._gaussian(intersect_mean(raw, advice), latent_pi)
+        return Accepted(self._gaussian(raw, latent_pi), advice, self.mixing)
+
+    def _gaussian(self, mean: th.Tensor, latent_pi: th.Tensor) -> Distribution:
         if self.use_sde:
             return self.action_dist.proba_distribution(mean, self.log_std, latent_pi)
         return self.action_dist.proba_distribution(mean, self.log_std)

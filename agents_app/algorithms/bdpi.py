@@ -26,7 +26,8 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, Schedule
 
-from agents_app.algorithms.bdpi_policies import BDPIPolicy, is_neutral
+from agents_app.algorithms.advice import is_neutral
+from agents_app.algorithms.bdpi_policies import BDPIPolicy
 from agents_app.algorithms.ensemble import Ensemble, probabilities
 from agents_app.algorithms.mixing import INTERSECTION
 
@@ -184,7 +185,7 @@ class BDPI(OffPolicyAlgorithm):
     def _correct(self, greedy: th.Tensor, own: th.Tensor, advice: th.Tensor) -> th.Tensor:
         if self.policy.mixing.method == INTERSECTION:
             return correct_intersection(greedy, own, advice)
-        return correct_reuse(greedy, advice, self.policy.mixing.psi)
+        return correct_reuse(greedy, advice, self.policy.mixing.share)
 
     def _critics(self, iteration: int) -> tuple[Ensemble, Ensemble]:
         """The Q-functions that learn in this iteration, and the other ones."""

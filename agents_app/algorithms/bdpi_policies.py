@@ -16,9 +16,9 @@ from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.preprocessing import get_flattened_obs_dim, preprocess_obs
 from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
 
-from agents_app.algorithms.advice import intersect_logits, plain_space, without_advice
+from agents_app.algorithms.advice import mix_logits, plain_space, without_advice
 from agents_app.algorithms.ensemble import Ensemble, StackedAdam
-from agents_app.algorithms.mixing import INTERSECTION, Mixing
+from agents_app.algorithms.mixing import Mixing
 
 
 class BDPIPolicy(BasePolicy):
@@ -85,8 +85,7 @@ class BDPIPolicy(BasePolicy):
 
     def mix(self, logits: th.Tensor, advice: th.Tensor) -> th.Tensor:
         """Unnormalised log-probabilities of the policy that acts, (B, A)."""
-        by_product = self.mixing.method == INTERSECTION
-        return intersect_logits(logits, advice) if by_product else reuse(logits, advice, self.mixing.psi)
+        return mix_logits(logits, advice, self.mixing)
 
     def obs_to_tensor(self, observation: Any) -> tuple[PyTorchObs, bool]:
         """Tensors of the client's observation."""
@@ -115,20 +114,6 @@ class BDPIPolicy(BasePolicy):
             "lr_schedule": self._dummy_schedule,
             **own,
         }
-
-
-def reuse(logits: th.Tensor, advice: th.Tensor, psi: float) -> th.Tensor:
-    """Probabilistic Policy Reuse, eq. 2.5, as log-probabilities, (B, A): p = psi pi_A + (1 - psi) pi_L.
-
-    To take the advisor's action with probability psi, else one's own, is to draw from this mixture. Without advice it is pi_L.
-    """
-    advised = (1.0 - psi) * logits.softmax(-1) + psi * advice / advice.sum(-1, keepdim=True)
-    return th.where(is_neutral(advice), logits, advised.log())
-
-
-def is_neutral(advice: th.Tensor) -> th.Tensor:
-    """Whether the advice says nothing: all ones, which no probabilities are. (..., A) -> (..., 1)."""
-    return (advice == 1.0).all(-1, keepdim=True)
 
 
 def _draw(logits: th.Tensor) -> th.Tensor:

@@ -21,3 +21,8 @@ class Mixing:
     continuous: str = BY_MEAN  # how continuous policies are intersected: eq. 3.5, or BY_SAMPLING, alg. 1
     samples: int = 64  # BY_SAMPLING: actions drawn from the advisor
     last_word: str = LEARNER  # whose policy stands where the intersection is empty
+
+    @property
+    def share(self) -> float:
+        """Of the advisor, where the mixed policy is a weighted mean: psi, or one half in Policy Union, eq. 3.2."""
+        return 0.5 if self.method == UNION else self.psi

@@ -42,7 +42,7 @@ ROWS = (
     Row("DDPG", "stable_baselines3:DDPG", "off_policy", discrete=False, continuous=True),
     Row("TD3", "stable_baselines3:TD3", "off_policy", discrete=False, continuous=True),
     Row("SAC", "stable_baselines3:SAC", "off_policy", discrete=False, continuous=True),
-    Row("TRPO", "sb3_contrib:TRPO", "on_policy", discrete=True, continuous=True),
+    Row("TRPO", "sb3_contrib:TRPO", "on_policy", discrete=True, continuous=True, advice=True),
     Row("QR-DQN", "sb3_contrib:QRDQN", "off_policy", discrete=True, continuous=False),
     Row("TQC", "sb3_contrib:TQC", "off_policy", discrete=False, continuous=True),
     Row("CrossQ", "sb3_contrib:CrossQ", "off_policy", discrete=False, continuous=True, policies=("MlpPolicy",)),

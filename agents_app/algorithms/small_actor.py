@@ -10,10 +10,22 @@ from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from agents_app.algorithms.actor import Memory
-from agents_app.algorithms.mixing import Mixing
+from agents_app.algorithms.advice import (
+    Gaussian,
+    acceptance,
+    advisor_of,
+    intersect_mean,
+    is_empty,
+    log_density,
+    mix_logits,
+    product,
+    reuse_log_density,
+    says_nothing,
+)
+from agents_app.algorithms.mixing import BY_MEAN, INTERSECTION, LEARNER, SHAPING, Mixing
 from agents_app.algorithms.on_policy import OnPolicyActor
 from agents_app.algorithms.replay import Decision
-from agents_app.algorithms.small_net import SmallNet, draw, gaussian_log_prob, log_softmax
+from agents_app.algorithms.small_net import SmallNet, draw, log_softmax
 
 
 class SmallActor(OnPolicyActor):
@@ -22,7 +34,7 @@ class SmallActor(OnPolicyActor):
     def __init__(self, algorithm: BaseAlgorithm) -> None:
         super().__init__(algorithm)
         self.net = SmallNet(self.policy)  # type: ignore[arg-type]
-        self.correction = getattr(self.policy, "mixing", Mixing()).correction
+        self.mixing = getattr(self.policy, "mixing", Mixing())
         self._choose = self._choose_one if isinstance(self.action_space, spaces.Discrete) else self._choose_vector
 
     def decide(self, obs: Any, memory: Memory, mask: np.ndarray | None) -> tuple[Decision, Memory]:
@@ -47,28 +59,50 @@ class SmallActor(OnPolicyActor):
 
     def _choose_one(self, logits: np.ndarray, advice: np.ndarray | None) -> tuple[np.ndarray, Any, Any]:
         """Among n actions: what the rollout keeps, what the environment takes, the log-probability for the learner."""
-        mixed = log_softmax(logits if advice is None else intersect(logits, advice))
+        mixed = log_softmax(logits if advice is None else mix_logits(logits, advice, self.mixing))
         action = draw(mixed)
-        seen = mixed if self.correction or advice is None else log_softmax(logits)
+        seen = mixed if self.mixing.correction or advice is None else log_softmax(logits)
         return np.array(action), np.int64(action), seen[action]
 
     def _choose_vector(self, mean: np.ndarray, advice: np.ndarray | None) -> tuple[np.ndarray, Any, Any]:
         """A vector of real numbers; the environment gets it clipped to its bounds, as SB3 does."""
-        mixed, deviation = mean if advice is None else halfway(mean, advice), self.net.deviations()
-        flat = mixed + deviation * np.random.standard_normal(mean.shape).astype(np.float32)
-        log_prob = gaussian_log_prob(flat, mixed if self.correction else mean, deviation)
+        own = Gaussian(mean, self.net.deviations())
+        flat, log_prob = draw_vector(own, advice, self.mixing)
+        if not self.mixing.correction:
+            log_prob = log_density(flat, own)
         action = flat.reshape(self.action_space.shape)
         bounds: Any = self.action_space
         return action, np.clip(action, bounds.low, bounds.high), log_prob
 
 
-def intersect(logits: np.ndarray, advice: np.ndarray) -> np.ndarray:
-    """advice.intersect_logits (eq. 2.6) for one state."""
-    log_advice = np.log(advice)
-    return logits + (log_advice - log_advice.max())
+def draw_vector(own: Gaussian[np.ndarray], advice: np.ndarray | None, mixing: Mixing) -> tuple[np.ndarray, np.ndarray]:
+    """An action of the mixed policy, (A,), and the logarithm of its density. As advised.py does; mixed_gaussians.py."""
+    if advice is not None and mixing.method == INTERSECTION and mixing.continuous == BY_MEAN:
+        own = Gaussian(intersect_mean(own.mean, advice), own.deviation)
+        advice = None
+    action = _normal(own)
+    if advice is None or mixing.method == SHAPING or says_nothing(advice):
+        return action, log_density(action, own)
+    if mixing.method == INTERSECTION:
+        return _draw_accepted(action, own, advice, mixing)
+    if np.random.random() < mixing.psi:
+        action = _normal(advisor_of(own, advice))
+    return action, reuse_log_density(action, own, advice, mixing.psi)
 
 
-def halfway(mean: np.ndarray, advice: np.ndarray) -> np.ndarray:
-    """advice.intersect_mean (eq. 3.5) for one state."""
-    advised, deviation = np.split(advice, 2)
-    return np.where(np.isinf(deviation), mean, (mean + advised) / 2)
+def _draw_accepted(
+    action: np.ndarray, own: Gaussian[np.ndarray], advice: np.ndarray, mixing: Mixing
+) -> tuple[np.ndarray, np.ndarray]:
+    """Algorithm 1, given an action of the learner's own for when nothing is accepted."""
+    candidates = _normal(advisor_of(own, advice), mixing.samples)
+    if not is_empty(own, advice):
+        action = candidates[draw(log_softmax(acceptance(candidates, own, advice)))]
+    elif mixing.last_word != LEARNER:
+        action = candidates[0]
+    return action, log_density(action, product(own, advice, mixing.last_word))
+
+
+def _normal(policy: Gaussian[np.ndarray], *count: int) -> np.ndarray:
+    """Draws, (A,) or (count, A)."""
+    noise = np.random.standard_normal((*count, policy.mean.size)).astype(np.float32)
+    return policy.mean + policy.deviation * noise

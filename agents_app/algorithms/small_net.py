@@ -18,7 +18,6 @@ from torch import nn
 
 from agents_app.algorithms.advice import PLAIN, plain_space
 
-HALF_LOG_2PI = 0.5 * float(np.log(2 * np.pi))
 ACTIVATIONS: dict[type[nn.Module], Callable[[np.ndarray], np.ndarray]] = {
     nn.Tanh: np.tanh,
     nn.ReLU: lambda x: np.maximum(x, 0),
@@ -74,11 +73,6 @@ def draw(log_probs: np.ndarray) -> int:
     """An index by its probability, from NumPy's generator."""
     cumulated = np.exp(log_probs).cumsum()
     return int(min(np.searchsorted(cumulated, np.random.random() * cumulated[-1], side="right"), log_probs.size - 1))
-
-
-def gaussian_log_prob(action: np.ndarray, mean: np.ndarray, deviation: np.ndarray) -> np.floating:
-    """The logarithm of the density, summed over the dimensions."""
-    return (-0.5 * ((action - mean) / deviation) ** 2 - np.log(deviation) - HALF_LOG_2PI).sum()
 
 
 def _vectoriser(space: spaces.Space) -> Callable[[Any], np.ndarray]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from agents_app.algorithms.mixing import Mixing
+from agents_app.algorithms.mixing import SHAPING, Mixing
 from agents_app.spaces import is_image, parse_space
 
 
@@ -23,6 +23,11 @@ class AgentSpec:
     parameters: dict[str, Any] = field(default_factory=dict)
     advice_method: str = "none"
     learning_correction: bool = True
+    continuous_advice: str = "mean"
+    advice_samples: int = 64
+    last_word: str = "learner"
+    advice_form: str = "soft"
+    shaping_scale: float = 1.0
     rho: float = 1.0
     psi: float = 0.5
     advisors: str = "random"
@@ -33,7 +38,10 @@ class AgentSpec:
 
     def mixing(self) -> Mixing:
         """How its policy takes advice."""
-        return Mixing(self.advice_method, self.learning_correction, self.psi)
+        correction = self.learning_correction and self.advice_method != SHAPING
+        return Mixing(
+            self.advice_method, correction, self.psi, self.continuous_advice, self.advice_samples, self.last_word
+        )
 
     def actions(self) -> spaces.Space:
         """The action space."""

@@ -8,11 +8,15 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
+from stable_baselines3.common.distributions import kl_divergence
 
-from agents_app.algorithms.advice import combine, neutral_advice, with_advice
+from agents_app.algorithms.advice import Gaussian, advised_space, combine, neutral_advice, with_advice
+from agents_app.algorithms.builder import build
 from agents_app.algorithms.policies import policy_name
 from agents_app.algorithms.registry import get_row
+from agents_app.algorithms.small_actor import draw_vector
 from agents_app.algorithms.spec import AgentSpec
+from agents_app.algorithms.weights import flatten
 from tests.algorithms.building import built, some, stack
 from tests.algorithms.specs import CONTINUOUS, DISCRETE, OBSERVATIONS, make_spec
 
@@ -22,14 +26,28 @@ ACTIONS = pytest.mark.parametrize(
     [(DISCRETE, {}), (CONTINUOUS, {}), (CONTINUOUS, {"use_sde": True})],
     ids=["discrete", "continuous", "gSDE"],
 )
+METHODS: dict[str, dict[str, Any]] = {
+    "intersection": {},
+    "sampling": {"continuous_advice": "sampling"},
+    "union": {"advice_method": "union"},
+    "reuse": {"advice_method": "reuse", "psi": 0.7},
+    "shaping": {"advice_method": "shaping"},
+}
+# Each combination of methods and actions that means something of its own.
+FITTING = [
+    *((DISCRETE, {}, METHODS[name]) for name in METHODS if name != "sampling"),
+    *((CONTINUOUS, sde, METHODS[name]) for name in METHODS if name != "union" for sde in ({}, {"use_sde": True})),
+]
 CORRECTION = pytest.mark.parametrize("correction", [True, False], ids=["correction", "no correction"])
 
 
 class Pair:
     """An advised policy, the stock one with the same weights, and observations for both."""
 
-    def __init__(self, kind: str, actions: Any, parameters: dict[str, Any], correction: bool, algorithm: str) -> None:
-        facts: dict[str, Any] = {"advice_method": "intersection", "learning_correction": correction}
+    def __init__(
+        self, kind: str, actions: Any, parameters: dict[str, Any], correction: bool, algorithm: str, **advice: Any
+    ) -> None:
+        facts: dict[str, Any] = {"advice_method": "intersection", "learning_correction": correction} | advice
         self.spec: AgentSpec = make_spec(algorithm, actions, OBSERVATIONS[kind], parameters, **facts)
         self.advised = built(self.spec).policy
         plain = make_spec(algorithm, actions, OBSERVATIONS[kind], parameters)
@@ -46,7 +64,8 @@ class Pair:
         env: gym.Env = gym.Env()
         env.observation_space, env.action_space = spec.observations(), spec.actions()
         use_sde = bool(spec.parameters.get("use_sde"))
-        return stock(name, env, policy_kwargs={"net_arch": [8]}, use_sde=use_sde, n_steps=64, device="cpu").policy
+        sizes = {"n_steps": 64} | ({} if algorithm == "A2C" else {"batch_size": 16})
+        return stock(name, env, policy_kwargs={"net_arch": [8]}, use_sde=use_sde, device="cpu", **sizes).policy
 
     def with_advice(self, advice: np.ndarray) -> Any:
         """The batch with the same advice everywhere."""
@@ -62,42 +81,43 @@ def same(one: Any, other: Any) -> bool:
     return th.equal(one, other)
 
 
-@KINDS
-@ACTIONS
+@pytest.mark.parametrize("algorithm", ["PPO", "A2C", "TRPO"])
+@pytest.mark.parametrize(("actions", "parameters", "advice"), FITTING, ids=str)
 @CORRECTION
-@pytest.mark.parametrize("algorithm", ["PPO", "A2C"])
 class TestNeutral:
     def test_nothing_differs_from_the_stock_policy(
-        self, algorithm: str, correction: bool, actions: Any, parameters: dict[str, Any], kind: str
+        self, algorithm: str, correction: bool, actions: Any, parameters: dict[str, Any], advice: dict[str, Any]
     ) -> None:
-        pair = Pair(kind, actions, parameters, correction, algorithm)
-        results = []
-        for policy, batch in ((pair.advised, pair.neutral()), (pair.stock, pair.batch)):
-            th.manual_seed(3)
-            if parameters:
-                policy.reset_noise(4)
-            results.append(
-                [
-                    *policy(batch),
-                    *policy.evaluate_actions(batch, pair.actions),
-                    policy.predict_values(batch),
-                    policy.get_distribution(batch).log_prob(pair.actions),
-                    policy.get_distribution(batch).mode(),
-                ]
-            )
-        assert all(same(one, other) for one, other in zip(*results, strict=True))
+        for kind in OBSERVATIONS:
+            pair = Pair(kind, actions, parameters, correction, algorithm, **advice)
+            results = [results_of(pair, *one) for one in ((pair.advised, pair.neutral()), (pair.stock, pair.batch))]
+            assert all(same(one, other) for one, other in zip(*results, strict=True))
 
     def test_nor_do_the_gradients(
-        self, algorithm: str, correction: bool, actions: Any, parameters: dict[str, Any], kind: str
+        self, algorithm: str, correction: bool, actions: Any, parameters: dict[str, Any], advice: dict[str, Any]
     ) -> None:
-        pair = Pair(kind, actions, parameters, correction, algorithm)
+        pair = Pair("vector", actions, parameters, correction, algorithm, **advice)
         for policy, batch in ((pair.advised, pair.neutral()), (pair.stock, pair.batch)):
             values, log_prob, entropy = policy.evaluate_actions(batch, pair.actions)
             (values.sum() + log_prob.sum() + entropy.sum()).backward()
-        pairs = zip(pair.advised.parameters(), pair.stock.parameters(), strict=True)
+        pairs = list(zip(pair.advised.parameters(), pair.stock.parameters(), strict=True))
         assert all((one.grad is None) == (other.grad is None) for one, other in pairs)
-        pairs = zip(pair.advised.parameters(), pair.stock.parameters(), strict=True)
         assert all(one.grad is None or same(one.grad, other.grad) for one, other in pairs)
+
+
+def results_of(pair: Pair, policy: Any, batch: Any) -> list[th.Tensor]:
+    """All that an algorithm asks of its policy, twice, for the draws."""
+    th.manual_seed(3)
+    if policy.use_sde:
+        policy.reset_noise(4)
+    return [
+        *policy(batch),
+        *policy.evaluate_actions(batch, pair.actions),
+        policy.predict_values(batch),
+        policy.get_distribution(batch).log_prob(pair.actions),
+        policy.get_distribution(batch).mode(),
+        *policy(batch),
+    ]
 
 
 class TestAdvice:
@@ -173,3 +193,161 @@ class TestAdvice:
         gradients = [p.grad for p in pair.advised.parameters() if p.grad is not None]
         assert gradients
         assert all(th.isfinite(gradient).all() for gradient in gradients)
+
+
+OWN_MEAN, OWN_STD = th.tensor([0.5, -0.5]), th.tensor([0.8, 1.2])
+SAID = np.array([1.5, 0.5, 0.6, 0.9], np.float32)
+
+
+def fixed_gaussian(**advice: Any) -> tuple[Any, Any]:
+    """A policy of one mind, whatever it sees, and a batch with advice for it."""
+    pair = Pair("vector", CONTINUOUS, {}, advice.pop("learning_correction", True), "PPO", **advice)
+    with th.no_grad():
+        pair.advised.action_net.weight.zero_()
+        pair.advised.action_net.bias[:] = OWN_MEAN
+        pair.advised.log_std[:] = OWN_STD.log()
+    return pair.advised, stack([with_advice(pair.observations[0], SAID)] * 20_000)
+
+
+class TestContinuousMethods:
+    PRODUCT_VARIANCE = 1 / (1 / OWN_STD**2 + 1 / th.tensor(SAID[2:]) ** 2)
+    PRODUCT_MEAN = PRODUCT_VARIANCE * (OWN_MEAN / OWN_STD**2 + th.tensor(SAID[:2] / SAID[2:] ** 2))
+
+    def test_by_sampling_actions_are_drawn_from_the_product(self) -> None:
+        policy, batch = fixed_gaussian(continuous_advice="sampling", advice_samples=256)
+        th.manual_seed(1)
+        with th.no_grad():
+            actions, _, log_prob = policy(batch)
+        assert th.allclose(actions.mean(0), self.PRODUCT_MEAN, atol=0.03)
+        assert th.allclose(actions.std(0), self.PRODUCT_VARIANCE.sqrt(), atol=0.03)
+        expected = th.distributions.Normal(self.PRODUCT_MEAN, self.PRODUCT_VARIANCE.sqrt()).log_prob(actions).sum(-1)
+        assert th.allclose(log_prob, expected, atol=1e-4)
+
+    def test_few_samples_are_as_much_the_advisors_as_they_can(self) -> None:
+        policy, batch = fixed_gaussian(continuous_advice="sampling", advice_samples=1)
+        th.manual_seed(1)
+        with th.no_grad():
+            actions = policy(batch)[0]
+        assert th.allclose(actions.mean(0), th.tensor(SAID[:2]), atol=0.03)
+        assert th.allclose(actions.std(0), th.tensor(SAID[2:]), atol=0.03)
+
+    @pytest.mark.parametrize(("last_word", "mean"), [("learner", [0.5, -0.5]), ("advisor", [90.0, -90.0])])
+    def test_who_has_the_last_word_decides_an_empty_intersection(self, last_word: str, mean: list[float]) -> None:
+        policy, batch = fixed_gaussian(continuous_advice="sampling", last_word=last_word)
+        batch["advice"][:] = th.tensor([90.0, -90.0, 0.1, 0.1])
+        with th.no_grad():
+            actions, _, log_prob = policy(batch)
+        assert th.allclose(actions.mean(0), th.tensor(mean), atol=0.1)
+        assert same(log_prob, policy.evaluate_actions(batch, actions)[1])
+
+    def test_by_reuse_actions_are_the_advisors_so_often(self) -> None:
+        policy, batch = fixed_gaussian(advice_method="reuse", psi=0.3)
+        batch["advice"][:] = th.tensor([50.0, 50.0, 0.6, 0.9])
+        th.manual_seed(1)
+        with th.no_grad():
+            actions, _, log_prob = policy(batch)
+        advised = (actions > 25).all(-1)
+        assert th.equal(advised, (actions > 25).any(-1)), "both dimensions are the same player's"
+        assert advised.float().mean().item() == pytest.approx(0.3, abs=0.02)
+        assert th.allclose(actions[~advised].mean(0), OWN_MEAN, atol=0.05)
+        own = th.distributions.Normal(OWN_MEAN, OWN_STD).log_prob(actions).sum(-1) + np.log(0.7)
+        assert th.allclose(log_prob[~advised], own[~advised], atol=1e-4)
+
+    @pytest.mark.parametrize("name", ["sampling", "reuse"])
+    def test_without_the_correction_the_learning_rule_sees_the_learners_own(self, name: str) -> None:
+        policy, batch = fixed_gaussian(learning_correction=False, **METHODS[name])
+        with th.no_grad():
+            actions, _, log_prob = policy(batch)
+        own = th.distributions.Normal(OWN_MEAN, OWN_STD)
+        assert th.allclose(log_prob, own.log_prob(actions).sum(-1), atol=1e-4)
+        _, again, entropy = policy.evaluate_actions(batch, actions)
+        assert th.allclose(again, log_prob)
+        assert th.allclose(entropy, own.entropy().sum())
+
+    @pytest.mark.parametrize("name", ["sampling", "reuse", "intersection"])
+    @CORRECTION
+    def test_the_small_actor_draws_the_same(self, name: str, correction: bool) -> None:
+        """The same distribution from NumPy's generator, and the densities that the policy has for its draws."""
+        policy, batch = fixed_gaussian(learning_correction=correction, **METHODS[name])
+        own = Gaussian(OWN_MEAN.numpy(), OWN_STD.numpy())
+        np.random.seed(1)
+        with th.no_grad():
+            expected = policy(batch)[0]
+            drawn, logs = zip(*(draw_vector(own, SAID, policy.mixing) for _ in range(3000)), strict=True)
+            actions = th.tensor(np.stack(drawn))
+            part = {key: value[:3000] for key, value in batch.items()}
+            if correction:
+                assert th.allclose(policy.evaluate_actions(part, actions)[1], th.tensor(np.stack(logs)), atol=1e-3)
+        assert th.allclose(actions.mean(0), expected.mean(0), atol=0.1)
+        assert th.allclose(actions.std(0), expected.std(0), atol=0.1)
+
+    def test_union_is_for_discrete_actions(self) -> None:
+        with pytest.raises(ValueError, match="Policy Union is for discrete actions"):
+            Pair("vector", CONTINUOUS, {}, True, "PPO", advice_method="union")
+
+
+class TestMixtureInTRPO:
+    def test_its_distance_bounds_the_divergence_of_the_mixtures(self) -> None:
+        pair = Pair("vector", CONTINUOUS, {}, True, "TRPO", advice_method="reuse", psi=0.4)
+        batch = pair.with_advice(SAID)
+        with th.no_grad():
+            before = pair.advised.get_distribution(batch)
+            pair.advised.action_net.bias += 0.5
+            after = pair.advised.get_distribution(batch)
+            th.manual_seed(1)
+            draws = th.stack([before.sample() for _ in range(4000)])
+            logs = [th.stack([one.log_prob(draw) for draw in draws]) for one in (before, after)]
+            bound = kl_divergence(before, after).sum(-1)
+        measured = (logs[0] - logs[1]).mean(0)
+        assert (measured > 0.01).all()
+        assert (measured < bound).all()
+
+    def test_of_itself_it_is_none(self) -> None:
+        pair = Pair("vector", CONTINUOUS, {}, True, "TRPO", advice_method="reuse")
+        one = pair.advised.get_distribution(pair.with_advice(SAID))
+        assert kl_divergence(one, one).abs().max() == 0
+
+
+@pytest.mark.parametrize(("actions", "parameters", "advice"), FITTING, ids=str)
+@pytest.mark.parametrize("algorithm", ["PPO", "A2C", "TRPO"])
+@CORRECTION
+def test_it_learns_from_advised_steps(
+    algorithm: str, actions: Any, parameters: dict[str, Any], advice: dict[str, Any], correction: bool
+) -> None:
+    """Of each game, some updates: the weights move and stay finite, whether the advice is an order, soft or none."""
+    facts = {"advice_method": "intersection", "learning_correction": correction} | advice
+    spec = make_spec(algorithm, actions, OBSERVATIONS["vector"], parameters, **facts)
+    algorithm_, before = build(spec, Counsel(spec), 1), None
+    for _ in range(2):
+        algorithm_.learn(64, reset_num_timesteps=False)
+        after = flatten(algorithm_.policy)
+        assert np.isfinite(after).all()
+        assert before is None or not np.array_equal(before, after)
+        before = after
+
+
+class Counsel(gym.Env):
+    """Random states with advice of every kind in turn; a small action is a good one. Ends after 10 steps."""
+
+    def __init__(self, spec: AgentSpec) -> None:
+        self.inner, self.action_space = spec.observations(), spec.actions()
+        self.observation_space = advised_space(self.inner, self.action_space)
+        hard, soft = (
+            ([0, 1, 0], [0.2, 0.2, 0.6]) if spec.action_space == DISCRETE else ([9, 9, 0, 0], [1, -1, 2, np.inf])
+        )
+        neutral = neutral_advice(self.action_space)
+        self.kinds = [np.array(hard, np.float32), np.array(soft, np.float32), neutral]
+        self.steps = 0
+        self.inner.seed(1)
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
+        """Begin anew."""
+        return self._see(), {}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Any action."""
+        self.steps += 1
+        return self._see(), -float(np.sum(np.square(action))), self.steps % 10 == 0, False, {}
+
+    def _see(self) -> dict[str, Any]:
+        return with_advice(self.inner.sample(), self.kinds[self.steps % 3])
