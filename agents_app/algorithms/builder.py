@@ -10,17 +10,19 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from stable_baselines3.common.noise import ActionNoise, NormalActionNoise, OrnsteinUhlenbeckActionNoise
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file, recursive_setattr, save_to_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 from torch.nn.utils import parameters_to_vector
 
+from agents_app.algorithms import advised_off_policy
 from agents_app.algorithms.advised import AdvisedPolicy
 from agents_app.algorithms.policies import policy_name
 from agents_app.algorithms.registry import get_row
 from agents_app.algorithms.spec import AgentSpec
 
 ENDLESS = 2**62  # learning has no end; the schedules follow `horizon`
-OURS = ("horizon", "tape", "stock_policy")  # attributes that stock Stable-Baselines3 does not know
+OURS = ("horizon", "tape", "stock_policy", "mixing")  # attributes that stock Stable-Baselines3 does not know
 
 
 class Paced:
@@ -49,9 +51,8 @@ def build(spec: AgentSpec, env: gym.Env | VecEnv, seed: int | None) -> Any:
     row, family = get_row(spec.algorithm), family_of(spec)
     stock = row.load()
     stock_policy = stock.policy_aliases[policy_name(row, spec.observations(), spec.policy)]
-    algorithm_class, policy = family.learner_classes(
-        stock, _advised(stock_policy) if is_advised(spec) else stock_policy
-    )
+    classes = _advised(stock, stock_policy) if is_advised(spec) else (stock, stock_policy)
+    algorithm_class, policy = family.learner_classes(*classes)
     arguments, horizon = _arguments(spec)
     paced: Any = type(stock.__name__, (Paced, algorithm_class), {"horizon": horizon})
     arguments["policy_kwargs"] = {**family.POLICY_KWARGS, **arguments.get("policy_kwargs", {})}
@@ -62,11 +63,13 @@ def build(spec: AgentSpec, env: gym.Env | VecEnv, seed: int | None) -> Any:
     return algorithm
 
 
-def _advised(policy: type[Any]) -> type[Any]:
-    """The policy itself, where it takes advice as it is; else with the mixin."""
+def _advised(algorithm: type[Any], policy: type[Any]) -> tuple[type[Any], type[Any]]:
+    """The algorithm and its policy themselves, where they take advice as they are; else with mixins."""
     if getattr(policy, "takes_advice", False):
-        return policy
-    return type(f"Advised{policy.__name__}", (AdvisedPolicy, policy), {})
+        return algorithm, policy
+    if issubclass(algorithm, OffPolicyAlgorithm):
+        return advised_off_policy.advised_classes(algorithm, policy)
+    return algorithm, type(f"Advised{policy.__name__}", (AdvisedPolicy, policy), {})
 
 
 def _arguments(spec: AgentSpec) -> tuple[dict[str, Any], int]:
