@@ -9,6 +9,8 @@ from dataclasses import dataclass
 INTERSECTION, UNION, REUSE, SHAPING = "intersection", "union", "reuse", "shaping"
 BY_MEAN, BY_SAMPLING = "mean", "sampling"
 LEARNER, ADVISOR = "learner", "advisor"
+SOFT, DETERMINISTIC = "soft", "deterministic"  # advice as it is, or as an order (thesis 3.1.1)
+RANDOM, BEST, ALL = "random", "best", "all"  # which peers advise
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ class Decision:
     action: Any  # as ShepherdEnv takes it: int or array of the action space's shape
     replay: tuple[Any, ...]  # what the algorithm's own act would have returned, with a batch dimension of 1
     mask: np.ndarray | None = None  # (A,) of bool, the allowed actions; None: all
+    bonus: float = 0.0  # what the learner is rewarded on top of the client's reward
 
 
 @dataclass(slots=True)
@@ -169,7 +170,7 @@ class Segment:
     def follow(self, reward: float, obs: Any, decision: Decision, info: dict[str, Any] | None = None) -> None:
         """The outcome of the last decision, and the one taken there."""
         self._length += 1
-        self._items.append(Outcome(reward, obs, False, False, decision, info))
+        self._items.append(Outcome(reward + self._bonus(), obs, False, False, decision, info))
         self.last = decision
         if self._stream:
             self._tape.put(self._items[:-1])
@@ -182,13 +183,16 @@ class Segment:
         self, reward: float, obs: Any, terminated: bool, truncated: bool, info: dict[str, Any] | None = None
     ) -> None:
         """The outcome of the last decision ends the episode."""
-        self._items.append(Outcome(reward, obs, terminated, truncated and not terminated, None, info))
+        self._items.append(Outcome(reward + self._bonus(), obs, terminated, truncated and not terminated, None, info))
         self._flush()
 
     def break_off(self) -> None:
         """The session went away: what is known ends by truncation; the last decision has no outcome and is dropped."""
         if self.last is not None:
             self._cut()
+
+    def _bonus(self) -> float:
+        return 0.0 if self.last is None else self.last.bonus
 
     def _cut(self) -> None:
         tail = self._items[-1]

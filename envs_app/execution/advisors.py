@@ -16,8 +16,10 @@ from gymnasium import spaces
 from stable_baselines3.common.utils import obs_as_tensor
 
 from agents_app.algorithms.actor import advising_policy, batch
-from agents_app.algorithms.advice import combine, neutral_advice
+from agents_app.algorithms.advice import as_order, combine, neutral_advice
+from agents_app.algorithms.mixing import ALL, BEST, BY_MEAN, DETERMINISTIC, INTERSECTION
 from agents_app.algorithms.small_net import SmallNet, Unsupported, log_softmax
+from agents_app.algorithms.spec import AgentSpec
 from agents_app.algorithms.weights import assign
 
 
@@ -26,6 +28,10 @@ class Peers(Protocol):
 
     def versions(self) -> dict[int, int]:
         """The live peers that have published: number of the execution, and a version that grows."""
+        ...
+
+    def mean_returns(self) -> dict[int, float]:
+        """Of the peers that have ended an episode: the mean over their last 100."""
         ...
 
     def weights(self, number: int) -> np.ndarray | None:
@@ -62,38 +68,56 @@ class Peer:
 
 
 class Advisors:
-    """Asks one random live peer at each step. Belongs to the actor's thread."""
+    """Asks a live peer, or all of them, at each step. Belongs to the actor's thread."""
 
-    def __init__(self, algorithm: Any, peers: Peers, rho: float) -> None:
+    def __init__(self, algorithm: Any, peers: Peers, spec: AgentSpec) -> None:
         """Made before the algorithm learns: its policy is copied here, not while another thread trains it."""
-        self._template, self._peers, self._rho = advising_policy(algorithm), peers, rho
+        self._template, self._peers, self._spec = advising_policy(algorithm), peers, spec
         self._action_space = algorithm.action_space
+        self._discrete = isinstance(self._action_space, spaces.Discrete)
+        by_mean = (spec.advice_method, spec.continuous_advice) == (INTERSECTION, BY_MEAN)
+        self._asks_all = spec.advisors == ALL and (self._discrete or by_mean)
         self._known: dict[int, Peer] = {}
         self._versions: dict[int, int] = {}
         self._neutral = neutral_advice(algorithm.action_space)
         self._random = random.Random()  # not the algorithm's: advice must not change what it draws
 
     def advise(self, obs: Any) -> np.ndarray:
-        """What a peer would do here: (A,) probabilities or (2A,) means and deviations; neutral when alone."""
-        versions = self._peers.versions()
-        if not versions:
-            return self._neutral
-        number = self._random.choice(list(versions))
-        peer = self._up_to_date(number, versions[number])
-        return self._neutral if peer is None else self._ask(peer, obs)
+        """What peers would do here: (A,) probabilities or (2A,) means and deviations; neutral when alone."""
+        numbers = self._eligible()
+        if numbers and not self._asks_all:
+            numbers = [self._random.choice(numbers)]
+        peers = [self._up_to_date(number) for number in numbers]
+        answers = [self._ask(peer, obs) for peer in peers if peer is not None]
+        return self._combine(answers) if answers else self._neutral
 
     def temper(self, advice: np.ndarray) -> np.ndarray:
         """Advice from outside, as `advise` gives a peer's."""
-        return combine([advice], self._rho) if isinstance(self._action_space, spaces.Discrete) else advice
+        return self._combine([advice])
 
     def numbers(self) -> list[int]:
         """Whose advice is taken now."""
-        return sorted(self._peers.versions())
+        return sorted(self._eligible())
 
-    def _up_to_date(self, number: int, version: int) -> Peer | None:
-        for gone in self._known.keys() - self._peers.versions().keys():
+    def _eligible(self) -> list[int]:
+        """Who may be asked: all, or the best of those that have ended an episode."""
+        numbers = list(self._peers.versions())
+        if self._spec.advisors == BEST:
+            returns = self._peers.mean_returns()
+            return [max(judged, key=returns.__getitem__)] if (judged := returns.keys() & numbers) else numbers
+        return numbers
+
+    def _combine(self, answers: list[np.ndarray]) -> np.ndarray:
+        """One piece of advice from several: eq. 5.1, or the mean of the means; as an order, if the agent wants orders."""
+        advice = combine(answers, self._spec.rho) if self._discrete else np.stack(answers).mean(0)
+        return as_order(advice, self._action_space) if self._spec.advice_form == DETERMINISTIC else advice
+
+    def _up_to_date(self, number: int) -> Peer | None:
+        """The peer with its latest policy; None when it has just gone, or fits no more."""
+        versions = self._peers.versions()
+        for gone in self._known.keys() - versions.keys():
             del self._known[gone], self._versions[gone]
-        if self._versions.get(number) != version:
+        if self._versions.get(number) != versions[number]:
             weights = self._peers.weights(number)
             if weights is None:
                 return None
@@ -104,10 +128,8 @@ class Advisors:
             except ValueError:  # a network of another shape, from before the agent was changed
                 del self._known[number]
                 return None
-            self._versions[number] = version
+            self._versions[number] = versions[number]
         return self._known[number]
 
     def _ask(self, peer: Peer, obs: Any) -> np.ndarray:
-        if not isinstance(self._action_space, spaces.Discrete):
-            return np.concatenate(peer.gaussian(obs))
-        return combine([peer.probabilities(obs)], self._rho)
+        return peer.probabilities(obs) if self._discrete else np.concatenate(peer.gaussian(obs))

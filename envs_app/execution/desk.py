@@ -228,6 +228,7 @@ class Desk:
             seen = worker.see(obs, decode_advice(message.get("advice")))
             decision, track.memory = worker.actor.decide(seen, track.memory, mask)
             self._finish(waiting, decision.action)
+            decision.bonus = worker.bonus(decision)
             if track.segment.last is None:
                 track.segment.begin(decision)
             else:

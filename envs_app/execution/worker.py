@@ -19,8 +19,10 @@ import torch as th
 import envs_app.shepherd_env  # noqa: F401  (registers ShepherdEnv-v0)
 from agents_app.algorithms import builder
 from agents_app.algorithms.actor import advice_weights
-from agents_app.algorithms.advice import advised_space, with_advice
+from agents_app.algorithms.advice import advised_space, shaping_reward, with_advice
 from agents_app.algorithms.direct import LiveFeed
+from agents_app.algorithms.mixing import SHAPING
+from agents_app.algorithms.replay import Decision
 from agents_app.algorithms.spec import AgentSpec, see
 from agents_app.algorithms.weights import flatten
 from agents_app.spaces import parse_space
@@ -101,7 +103,7 @@ class Worker:
         self.allowed_lead = family.allowed_lead(self.algorithm)
         self.advisors = None
         if builder.is_advised(spec.agent):
-            self.advisors = Advisors(self.algorithm, peers, spec.agent.rho)
+            self.advisors = Advisors(self.algorithm, peers, spec.agent)
         family.attach(self.algorithm, self.feed)
         self.learner = Learner(
             self.algorithm,
@@ -130,6 +132,12 @@ class Worker:
         if self.advisors is None:
             return seen
         return with_advice(seen, self.advisors.advise(seen) if advice is None else self.advisors.temper(advice))
+
+    def bonus(self, decision: Decision) -> float:
+        """What the learner is given on top of the client's reward: reward shaping, thesis 5.2.1."""
+        if self.advisors is None or self.spec.agent.advice_method != SHAPING:
+            return 0.0
+        return self.spec.agent.shaping_scale * shaping_reward(decision.obs["advice"], decision.action)
 
     def refresh(self) -> None:
         """Let the actor act with what was learned last."""

@@ -316,3 +316,19 @@ class TestErrands:
         with pytest.raises(ZeroDivisionError):
             tape.first()
         record(tape, True, 1)  # and leaves no lock behind
+
+
+@pytest.mark.parametrize("stream", [True, False])
+@pytest.mark.parametrize("piece", [2, 1000])
+def test_the_bonus_of_a_decision_comes_with_its_own_reward(stream: bool, piece: int) -> None:
+    tape = Tape()
+    segment = Segment(tape, stream, piece)
+    for number in range(4):
+        decision = Decision(number, number, (), bonus=0.5 * number)
+        if number == 0:
+            segment.begin(decision)
+        else:
+            segment.follow(10.0 * number, number, decision)
+    segment.end(40.0, 4, True, False)
+    rewards = [outcome[1] for _ in range(2 if piece == 2 and not stream else 1) for outcome in play(tape)[1:]]
+    assert rewards == [10.0, 20.5, 31.0, 41.5]

@@ -32,15 +32,22 @@ class FixedPeers:
     def __init__(self) -> None:
         self.policies: dict[int, np.ndarray] = {}
         self.published: dict[int, int] = {}
+        self.returns: dict[int, float] = {}
 
-    def put(self, number: int, weights: np.ndarray) -> None:
+    def put(self, number: int, weights: np.ndarray, mean_return: float | None = None) -> None:
         """Execution `number` publishes."""
         self.policies[number] = weights
+        if mean_return is not None:
+            self.returns[number] = mean_return
         self.published[number] = self.published.get(number, 0) + 1
 
     def versions(self) -> dict[int, int]:
         """The peers that have published."""
         return self.published
+
+    def mean_returns(self) -> dict[int, float]:
+        """How good they are."""
+        return self.returns
 
     def weights(self, number: int) -> np.ndarray | None:
         """What a peer published last."""

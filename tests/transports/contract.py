@@ -388,6 +388,21 @@ class TransportContract:
         assert [sorted([s["number"], *s["advisors"]]) for s in statuses] == [[1, 2, 3]] * 3
         assert [sorted([s["number"], *s["advises"]]) for s in statuses] == [[1, 2, 3]] * 3
 
+    def test_the_best_by_recent_return_advises_all_others_and_the_second_best_the_best(self, engine: Engine) -> None:
+        agent = Agent(engine, advice_method="intersection", advisors="best")
+        players = [agent.player() for _ in range(3)]
+        for player in players:
+            player.step()
+
+        def advisors() -> bool:
+            for player, length in zip(players, [10, 20, 5], strict=True):
+                player.play(
+                    41, length
+                )  # the return is the length; the last step begins an episode, and keeps the place
+            return {s["number"]: s.get("advisors") for s in agent.status().values()} == {1: [2], 2: [1], 3: [2]}
+
+        wait_for(advisors, what="the best to advise")
+
     def test_learning_is_switched_off_and_on(self, engine: Engine) -> None:
         agent = Agent(engine)
         player = agent.player()

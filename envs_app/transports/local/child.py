@@ -44,10 +44,15 @@ class LocalPeers:
     def __init__(self, places: Places, run: int) -> None:
         self._places, self._run = places, run
         self.announced: dict[int, int] = {}
+        self.returns: dict[int, float] = {}
 
     def versions(self) -> dict[int, int]:
         """The live peers that have published."""
         return self.announced
+
+    def mean_returns(self) -> dict[int, float]:
+        """Of those that have ended an episode."""
+        return self.returns
 
     def weights(self, number: int) -> np.ndarray | None:
         """The latest weights of a peer."""
@@ -183,6 +188,7 @@ class Child:
                 self.reason = message["reason"]
             case "peers":
                 self.peers.announced = {n: v for n, v in message["versions"].items() if n != self.spec.number}
+                self.peers.returns = message["returns"]
             case "crowded":
                 self.desk.crowded_until = time.monotonic() + message["seconds"]
             case "throttle":

@@ -320,8 +320,9 @@ class Parent:
     def _announce_peers(self, run: int) -> None:
         mates = [e for e in self.population.by_uid.values() if e.run == run]
         versions = {e.number: e.published for e in mates if e.published and e.state != "stopping"}
+        returns = {e.number: mean for e in mates if (mean := e.status.get("mean_return")) is not None}
         for execution in mates:
-            execution.tell({"k": "peers", "versions": versions})
+            execution.tell({"k": "peers", "versions": versions, "returns": returns})
 
     def _stop(self, execution: Execution, reason: str) -> None:
         if execution.state != "stopping":
