@@ -42,6 +42,10 @@ def specs() -> dict[str, AgentSpec]:
     chosen["SAC gSDE"] = make_spec("SAC", CONTINUOUS, parameters={"use_sde": True})
     chosen["TD3 noise"] = make_spec("TD3", CONTINUOUS, parameters={"action_noise": "ou 0.3"})
     chosen["DQN dict"] = make_spec("DQN", observations=OBSERVATIONS["dict"])
+    for row in ROWS:
+        if row.advice and row.family == "off_policy":
+            chosen[f"advised {row.name}"] = make_spec(row.name, actions_of(row)[0], advice_method="intersection")
+    chosen["advised SAC dict"] = make_spec("SAC", CONTINUOUS, OBSERVATIONS["dict"], advice_method="intersection")
     chosen["advised BDPI"] = make_spec("BDPI", advice_method="intersection")
     chosen["advised BDPI dict"] = make_spec("BDPI", observations=OBSERVATIONS["dict"], advice_method="reuse")
     chosen["advised PolicyGradient"] = make_spec("PolicyGradient", CONTINUOUS, advice_method="intersection")
