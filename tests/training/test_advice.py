@@ -40,6 +40,21 @@ AGENTS |= {
         "learning_correction": False,
     },
 }
+AGENTS |= {
+    f"{algorithm}, {kind}": {
+        "algorithm": algorithm,
+        "action_space": DISCRETE if algorithm in ("DQN", "QR-DQN") else CONTINUOUS,
+        "observation_space": OBSERVATIONS[kind],
+    }
+    for algorithm, kind in [
+        ("DQN", "dict"),
+        ("QR-DQN", "vector"),
+        ("SAC", "image"),
+        ("TQC", "vector"),
+        ("TD3", "dict"),
+        ("DDPG", "discrete"),
+    ]
+}
 
 
 @pytest.fixture(scope="module")
