@@ -1,75 +1,27 @@
 """Many small networks of one shape, trained at once: their weights are stacked, and one Adam moves them all.
 
 Each network learns as it would alone: Adam treats every number by itself, so Adam on the stack is Adam on each network. The
-gradients are written out, which for these networks is half the time of autograd, and the products are taken in the order
-that the CPU likes: `benchmarks/bdpi.py` has the figures, `tests/algorithms/test_bdpi.py` compares with plain torch.
+gradients are written out, and computed in NumPy on the memory of the tensors: for networks as small as these its products and
+its calls take half the time of torch's, and autograd would double it again. As many members are taken at a time as the
+processor's cache holds. `benchmarks/bdpi.py` has the figures, `tests/algorithms/test_bdpi.py` compares with plain torch.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import torch as th
 from torch import nn
-from torch.optim.adam import adam
 
-Memory = tuple[list[th.Tensor], list[th.Tensor]]
-
-
-class StackedLinear(nn.Module):
-    """N linear layers: (N, B, I) -> (N, B, O). Begins as torch's own Linear does."""
-
-    def __init__(self, members: int, inputs: int, outputs: int) -> None:
-        super().__init__()
-        bound = inputs**-0.5
-        self.weight = nn.Parameter(th.empty(members, inputs, outputs).uniform_(-bound, bound))
-        self.bias = nn.Parameter(th.empty(members, 1, outputs).uniform_(-bound, bound))
-        self.narrow = outputs < inputs  # a product with few columns is several times faster as its transpose
-
-    def forward(self, x: th.Tensor, out: th.Tensor | None = None) -> th.Tensor:
-        """What the layers say; in the memory of `out`, if it is given."""
-        if self.narrow:
-            return th.baddbmm(self.bias.mT, self.weight.mT, x.mT, out=None if out is None else out.mT).mT
-        return th.baddbmm(self.bias, x, self.weight, out=out)
-
-    def set_gradients(self, x: th.Tensor, slope: th.Tensor) -> None:
-        """From the input, (N, B, I), and the slope of the loss in the output, (N, B, O)."""
-        self.weight.grad = th.bmm(slope.mT, x).mT.contiguous() if self.narrow else th.bmm(x.mT, slope)
-        self.bias.grad = slope.sum(1, keepdim=True)
-
-    def slope_of_input(self, slope: th.Tensor, out: th.Tensor) -> th.Tensor:
-        """The slope of the loss in the input, (N, B, I)."""
-        return th.bmm(slope, self.weight.mT, out=out)
-
-
-class StackedLookup(StackedLinear):
-    """The same for inputs of which one is 1 and the others are 0: whole numbers, (N, B), look up their rows."""
-
-    offsets: th.Tensor  # (N, 1): where the rows of each layer begin
-
-    def __init__(self, members: int, inputs: int, outputs: int) -> None:
-        super().__init__(members, inputs, outputs)
-        self.register_buffer("offsets", th.arange(0, members * inputs, inputs)[:, None], persistent=False)
-
-    def forward(self, x: th.Tensor, out: th.Tensor | None = None) -> th.Tensor:
-        """What the layers say; in the memory of `out`, if it is given."""
-        rows = None if out is None else out.flatten(0, 1)
-        found = th.index_select(self.weight.flatten(0, 1), 0, (x + self.offsets).flatten(), out=rows)
-        return found.view(*x.shape, -1).add_(self.bias)
-
-    def set_gradients(self, x: th.Tensor, slope: th.Tensor) -> None:
-        """From the input, (N, B), and the slope of the loss in the output, (N, B, O)."""
-        gradient = th.empty_like(self.weight) if self.weight.grad is None else self.weight.grad
-        gradient.zero_().flatten(0, 1).index_add_(0, (x + self.offsets).flatten(), slope.flatten(0, 1))
-        self.weight.grad = gradient
-        self.bias.grad = slope.sum(1, keepdim=True)
+tanh_backward = th.ops.aten.tanh_backward.grad_input
+CACHE = 1_000_000  # bytes of hidden layers at a time, which stay in the second-level cache of most processors
 
 
 class StackedAdam(th.optim.Adam):
-    """Adam, in one kernel for all parameters."""
+    """Adam, in one kernel for all parameters, of all members or of some."""
 
     def __init__(
         self,
@@ -81,27 +33,35 @@ class StackedAdam(th.optim.Adam):
     ) -> None:
         super().__init__(parameters, lr, betas, eps, weight_decay, fused=True)
 
-    def make_step(self) -> Callable[[], None]:
-        """`step` for a while, as long as neither the settings nor the state are replaced from outside.
+    def make_step(self, members: slice, gradients: list[th.Tensor]) -> Callable[[], None]:
+        """`step` of these members for a while, with whatever the gradients are then; call `count` at the end.
 
         The ordinary one gathers its lists anew each time, which for a small network takes longer than all the rest.
         """
         (group,) = self.param_groups
-        parameters = group["params"]
-        states = [self.state[parameter] or self._begin(parameter) for parameter in parameters]
-        means, squares, counts = ([state[name] for state in states] for name in ("exp_avg", "exp_avg_sq", "step"))
-        settings: dict[str, Any] = {
-            name: group[name] for name in ("lr", "eps", "weight_decay", "amsgrad", "maximize", "fused")
-        }
+        states = [self.state[parameter] or self._begin(parameter) for parameter in group["params"]]
+        parameters = [parameter.detach()[members] for parameter in group["params"]]
+        means, squares = ([state[name][members] for state in states] for name in ("exp_avg", "exp_avg_sq"))
+        taken = states[0]["step"].clone()
+        counts, names = [taken] * len(states), ("lr", "eps", "weight_decay", "amsgrad", "maximize")
+        settings: dict[str, Any] = {name: group[name] for name in names}
         settings["beta1"], settings["beta2"] = group["betas"]
-        return lambda: adam(
-            parameters, [parameter.grad for parameter in parameters], means, squares, [], counts, **settings
-        )
+
+        def step() -> None:
+            taken.add_(1)
+            th._fused_adam_(parameters, gradients, means, squares, [], counts, **settings)
+
+        return step
+
+    def count(self, steps: int) -> None:
+        """All members have made so many."""
+        for state in self.state.values():
+            state["step"] += steps
 
     def _begin(self, parameter: nn.Parameter) -> dict[str, th.Tensor]:
         """As `step` begins."""
         self.state[parameter] = {
-            "step": th.zeros((), dtype=th.float32, device=parameter.device),
+            "step": th.zeros((), dtype=th.float32),
             "exp_avg": th.zeros_like(parameter),
             "exp_avg_sq": th.zeros_like(parameter),
         }
@@ -109,61 +69,132 @@ class StackedAdam(th.optim.Adam):
 
 
 class Ensemble(nn.Module):
-    """N multilayer perceptrons with tanh. Their outputs are values, or with `softmax` the logits of probabilities."""
+    """N multilayer perceptrons with tanh. Their outputs are values, or with `softmax` the logits of probabilities.
+
+    A layer is (N, I + 1, O): its last row is the bias, the weight of an input that is always 1.
+    """
 
     optimizer: StackedAdam
 
     def __init__(self, members: int, sizes: Sequence[int], lookup: bool = False, softmax: bool = False) -> None:
         """`sizes`: of the input, the hidden layers and the output; `lookup`: inputs are whole numbers, (N, B)."""
         super().__init__()
-        first = StackedLookup if lookup else StackedLinear
-        kinds = [first] + [StackedLinear] * (len(sizes) - 2)
-        self.layers = nn.ModuleList(kind(members, *pair) for kind, pair in zip(kinds, pairwise(sizes), strict=True))
-        self.softmax = softmax
+        self.layers = nn.ParameterList(_begin(members, *pair) for pair in pairwise(sizes))
+        self.sizes, self.lookup, self.softmax = list(sizes), lookup, softmax
 
+    @th.no_grad()
     def forward(self, x: th.Tensor) -> th.Tensor:
-        """Values or logits, (N, B, A)."""
-        return self._pass(x)[-1]
+        """Values or logits, (N, B, A); no gradient comes back through them."""
+        outputs = [_Part(self, x, members).forward().mT for members in self._parts(x)]
+        return th.from_numpy(np.concatenate(outputs)).mT
 
     @th.no_grad()
     def fit(self, x: th.Tensor, target: th.Tensor, steps: int) -> None:
         """Gradient steps on each network's mean squared distance, over (B, A), of its values or probabilities to `target`."""
-        memory, step = self._memory(x), self.optimizer.make_step()
-        for _ in range(steps):
-            self.set_gradients(x, target, memory)
-            step()
+        for members in self._parts(x):
+            part = _Part(self, x, members)
+            wanted, step = _turned(target[members].numpy()), self.optimizer.make_step(members, part.gradients)
+            for _ in range(steps):
+                part.set_gradients(wanted)
+                step()
+        self.optimizer.count(steps)
 
-    def set_gradients(self, x: th.Tensor, target: th.Tensor, memory: Memory | None = None) -> None:
-        """Of that distance."""
-        outs, slopes = memory or self._memory(x)
-        *inputs, output = self._pass(x, outs)
-        slope = self._slope_of_output(output, target)
-        for depth, layer in reversed(list(enumerate(self.layers))):
-            assert isinstance(layer, StackedLinear)
-            layer.set_gradients(inputs[depth], slope)
-            if depth:
-                slope = layer.slope_of_input(slope, slopes[depth - 1])
-                slope = th.ops.aten.tanh_backward(slope, inputs[depth], grad_input=slope)
+    @th.no_grad()
+    def gradients(self, x: th.Tensor, target: th.Tensor) -> list[th.Tensor]:
+        """Of that distance, one tensor for each layer."""
+        part = _Part(self, x, slice(None))
+        part.set_gradients(_turned(target.numpy()))
+        return part.gradients
 
-    def _pass(self, x: th.Tensor, outs: Sequence[th.Tensor | None] | None = None) -> list[th.Tensor]:
-        """The input of every layer, then the output."""
-        passed = [x]
-        for layer, out in zip(self.layers[:-1], outs or [None] * (len(self.layers) - 1), strict=True):
-            passed.append(_tanh(layer(passed[-1], out)))
-        return [*passed, self.layers[-1](passed[-1])]
+    def _parts(self, x: th.Tensor) -> Iterator[slice]:
+        """The members, a few at a time."""
+        size = 2 * x.shape[1] * max(self.sizes[1:]) * self.layers[0].element_size()
+        few = max(1, CACHE // size)
+        return (slice(first, first + few) for first in range(0, len(x), few))
 
-    def _slope_of_output(self, output: th.Tensor, target: th.Tensor) -> th.Tensor:
+
+class _Part:
+    """Some members at work, on a batch each. What is turned lies in memory as (n, A, B), of which NumPy is fonder."""
+
+    def __init__(self, ensemble: Ensemble, x: th.Tensor, members: slice) -> None:
+        self._layers = [layer.detach()[members].numpy() for layer in ensemble.layers]
+        *wide, last = ((len(layer), x.shape[1], layer.shape[2]) for layer in self._layers)
+        kind = self._layers[0].dtype
+        self._outs = [*(np.empty(shape, kind) for shape in wide), _turned(np.empty(last, kind))]
+        self._slopes = [np.empty(shape, kind) for shape in wide]
+        self._gradients = [np.zeros_like(layer) for layer in self._layers]
+        self.gradients = [th.from_numpy(gradient) for gradient in self._gradients]
+        self._first = (_Lookup if ensemble.lookup else _Dense)(x[members].numpy(), self._layers[0], self._gradients[0])
+        self._softmax = ensemble.softmax
+
+    def forward(self) -> np.ndarray:
+        """Values or logits, (n, B, A), turned; the other outputs stay at hand, as tanh leaves them."""
+        self._first.forward(self._outs[0])
+        for layer, x, out in zip(self._layers[1:], self._outs, self._outs[1:], strict=False):
+            _multiply(np.tanh(x, out=x), layer[:, :-1], out)
+            out += layer[:, -1:]
+        return self._outs[-1]
+
+    def set_gradients(self, target: np.ndarray) -> None:
+        """`target`: (n, B, A), turned."""
+        slope = self._slope_of_output(self.forward(), target)
+        for depth in range(len(self._layers) - 1, 0, -1):
+            x, gradient = self._outs[depth - 1], self._gradients[depth]
+            np.matmul(x.mT, slope, out=gradient[:, :-1])
+            np.sum(slope, axis=1, out=gradient[:, -1])
+            slope = self._slope_before(depth, slope)
+        self._first.set_gradient(slope)
+
+    def _slope_before(self, depth: int, slope: np.ndarray) -> np.ndarray:
+        """From the slope of the loss in a layer's output to that in the output of the layer before, through tanh."""
+        out, x = self._slopes[depth - 1], self._outs[depth - 1]
+        np.matmul(slope, np.ascontiguousarray(self._layers[depth][:, :-1].mT), out=out)
+        in_place = th.from_numpy(out)
+        tanh_backward(in_place, th.from_numpy(x), grad_input=in_place)
+        return out
+
+    def _slope_of_output(self, output: np.ndarray, target: np.ndarray) -> np.ndarray:
         scale = 2.0 / (output.shape[1] * output.shape[2])
-        if not self.softmax:
+        if not self._softmax:
             return (output - target) * scale
-        found = probabilities(output)
-        return th.ops.aten._softmax_backward_data(((found - target) * scale).mT, found.mT, 1, found.dtype).mT
+        found = np.exp(output - output.max(-1, keepdims=True))
+        found /= found.sum(-1, keepdims=True)
+        pull = found * (found - target)
+        return (pull - found * pull.sum(-1, keepdims=True)) * scale
 
-    def _memory(self, x: th.Tensor) -> Memory:
-        """For the outputs of the hidden layers and the slopes in them; to allocate it can take longer than the step."""
-        biases: list[th.Tensor] = [layer.bias for layer in self.layers[:-1]]  # type: ignore[misc]
-        outs, slopes = ([bias.new_empty((len(bias), x.shape[1], bias.shape[2])) for bias in biases] for _ in range(2))
-        return outs, slopes
+
+class _Dense:
+    """The first layer, of vectors: a column of ones beside them multiplies the bias."""
+
+    def __init__(self, x: np.ndarray, weights: np.ndarray, gradient: np.ndarray) -> None:
+        self._x = np.concatenate([x, np.ones_like(x[..., :1])], -1)
+        self._weights, self._gradient = weights, gradient
+
+    def forward(self, out: np.ndarray) -> None:
+        _multiply(self._x, self._weights, out)
+
+    def set_gradient(self, slope: np.ndarray) -> None:
+        np.matmul(self._x.mT, slope, out=self._gradient)
+
+
+class _Lookup:
+    """The first layer, of whole numbers: they look up their rows, as one-hot vectors would."""
+
+    def __init__(self, x: np.ndarray, weights: np.ndarray, gradient: np.ndarray) -> None:
+        members, height, _ = weights.shape
+        self._rows = (x + height * np.arange(members)[:, None]).reshape(-1)
+        self._weights, self._gradient = weights, gradient
+        self._ones = np.ones((1, x.shape[1]), weights.dtype)
+
+    def forward(self, out: np.ndarray) -> None:
+        table = self._weights.reshape(-1, self._weights.shape[2])
+        np.take(table, self._rows, axis=0, out=out.reshape(-1, out.shape[2]), mode="clip")
+        out += self._weights[:, -1:]
+
+    def set_gradient(self, slope: np.ndarray) -> None:
+        table, rows = th.from_numpy(self._gradient).flatten(0, 1), th.from_numpy(self._rows)
+        table.index_fill_(0, rows, 0.0).index_add_(0, rows, th.from_numpy(slope).flatten(0, 1))
+        np.matmul(self._ones, slope, out=self._gradient[:, -1:])
 
 
 def probabilities(logits: th.Tensor) -> th.Tensor:
@@ -171,9 +202,20 @@ def probabilities(logits: th.Tensor) -> th.Tensor:
     return logits.mT.softmax(1).mT
 
 
-def _tanh(x: th.Tensor) -> th.Tensor:
-    """In place. NumPy's is several times faster than torch's on a CPU."""
-    if x.requires_grad or x.device.type != "cpu":
-        return x.tanh()
-    np.tanh(x.numpy(), out=x.numpy())
-    return x
+def _begin(members: int, inputs: int, outputs: int) -> nn.Parameter:
+    """A layer's weights and bias, (N, I + 1, O), as torch's own Linear begins."""
+    bound = inputs**-0.5
+    return nn.Parameter(th.empty(members, inputs + 1, outputs).uniform_(-bound, bound))
+
+
+def _multiply(x: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
+    """x @ weights, whichever way round the output lies."""
+    if out.flags.c_contiguous:
+        np.matmul(x, weights, out=out)
+    else:
+        np.matmul(np.ascontiguousarray(weights.mT), x.mT, out=out.mT)
+
+
+def _turned(array: np.ndarray) -> np.ndarray:
+    """The same numbers, (n, B, A), that lie in memory as (n, A, B)."""
+    return np.ascontiguousarray(array.mT).mT

@@ -14,21 +14,20 @@ from torch import nn
 from torch.nn.functional import mse_loss, one_hot
 
 from agents_app.algorithms.bdpi import BDPI, Batches
-from agents_app.algorithms.ensemble import Ensemble, StackedLinear
+from agents_app.algorithms.ensemble import Ensemble
 
 
 def networks_of(ensemble: Ensemble) -> list[nn.Sequential]:
     """Copies of the members, as ordinary networks."""
-    return [_network(ensemble, member) for member in range(len(ensemble.layers[0].weight))]  # type: ignore[arg-type]
+    return [_network(ensemble, member) for member in range(len(ensemble.layers[0]))]
 
 
 def _network(ensemble: Ensemble, member: int) -> nn.Sequential:
     modules: list[nn.Module] = []
     for stacked in ensemble.layers:
-        assert isinstance(stacked, StackedLinear)
-        weight, bias = stacked.weight[member].detach(), stacked.bias[member, 0].detach()
-        layer = nn.Linear(weight.shape[0], weight.shape[1], dtype=weight.dtype)
-        layer.weight.data, layer.bias.data = weight.T.clone(), bias.clone()
+        *weight, bias = stacked[member].detach()
+        layer = nn.Linear(len(weight), len(bias), dtype=bias.dtype)
+        layer.weight.data, layer.bias.data = th.stack(weight, 1), bias.clone()
         modules += [layer, nn.Tanh()]
     return nn.Sequential(*modules[:-1])
 

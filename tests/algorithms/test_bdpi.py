@@ -14,7 +14,7 @@ from gymnasium import spaces
 from agents_app.algorithms import off_policy
 from agents_app.algorithms.advice import neutral_advice
 from agents_app.algorithms.bdpi import BDPI, Batches, correct_intersection, correct_reuse
-from agents_app.algorithms.ensemble import Ensemble
+from agents_app.algorithms.ensemble import Ensemble, StackedAdam
 from agents_app.algorithms.mixing import Mixing
 from agents_app.algorithms.replay import Segment, Tape, TapeClosed
 from envs_app.shepherd_env import ShepherdEnv
@@ -77,13 +77,15 @@ def test_the_batched_ensemble_gives_the_same_numbers_as_a_loop(q_loops):
 def test_its_gradients_are_those_of_autograd(sizes, softmax):
     ensemble = Ensemble(2, sizes, softmax=softmax).double()
     x, target = th.randn(2, 7, sizes[0], dtype=th.float64), th.rand(2, 7, sizes[-1], dtype=th.float64)
-    output = ensemble(x)
-    losses = (((output.softmax(-1) if softmax else output) - target) ** 2).mean((1, 2))
-    expected = th.autograd.grad(losses.sum(), list(ensemble.parameters()))
-    with th.no_grad():
-        ensemble.set_gradients(x, target)
-    for parameter, gradient in zip(ensemble.parameters(), expected, strict=True):
-        th.testing.assert_close(parameter.grad, gradient)
+    gradients = ensemble.gradients(x, target)
+    for member, network in enumerate(networks_of(ensemble)):
+        output = network(x[member])
+        th.testing.assert_close(ensemble(x)[member], output)
+        th.nn.functional.mse_loss(output.softmax(-1) if softmax else output, target[member]).backward()
+        linear = [module for module in network if isinstance(module, th.nn.Linear)]
+        for gradient, layer in zip(gradients, linear, strict=True):
+            expected = th.cat([layer.weight.grad.T, layer.bias.grad[None]])
+            th.testing.assert_close(gradient[member], expected)
 
 
 def test_looking_up_a_number_is_the_same_as_its_one_hot_vector():
@@ -91,12 +93,22 @@ def test_looking_up_a_number_is_the_same_as_its_one_hot_vector():
     dense.load_state_dict(lookup.state_dict())
     numbers, target = th.randint(6, (2, 9)), th.randn(2, 9, 3)
     one_hot = th.nn.functional.one_hot(numbers, 6).float()
-    with th.no_grad():
-        th.testing.assert_close(lookup(numbers), dense(one_hot))
-        lookup.set_gradients(numbers, target)
-        dense.set_gradients(one_hot, target)
-    for ours, theirs in zip(lookup.parameters(), dense.parameters(), strict=True):
-        th.testing.assert_close(ours.grad, theirs.grad)
+    th.testing.assert_close(lookup(numbers), dense(one_hot))
+    for ours, theirs in zip(lookup.gradients(numbers, target), dense.gradients(one_hot, target), strict=True):
+        th.testing.assert_close(ours, theirs)
+
+
+def test_a_few_members_at_a_time_learn_as_all_at_once(monkeypatch):
+    few, many = (Ensemble(5, (3, 8, 2)) for _ in range(2))
+    many.load_state_dict(few.state_dict())
+    for ensemble, cache in ((few, 1), (many, 10**9)):
+        monkeypatch.setattr("agents_app.algorithms.ensemble.CACHE", cache)
+        ensemble.optimizer = StackedAdam(ensemble.parameters(), lr=0.01)
+        for seed in range(3):
+            th.manual_seed(seed)
+            ensemble.fit(th.randn(5, 9, 3), th.randn(5, 9, 2), 4)
+    for ours, theirs in zip(few.parameters(), many.parameters(), strict=True):
+        th.testing.assert_close(ours, theirs)
 
 
 def test_its_members_begin_different():
@@ -205,7 +217,7 @@ def test_it_learns_in_spite_of_bad_advice_with_the_correction():
 def test_the_correction_can_be_left_out():
     bad = np.array([0.8, 0.1, 0.1], np.float32)
     with_it, without = (make(Advised(Identity(), bad), correction=on).learn(80) for on in (True, False))
-    assert not th.equal(with_it.actor.layers[0].weight, without.actor.layers[0].weight)
+    assert not th.equal(with_it.actor.layers[0], without.actor.layers[0])
 
 
 # --- the bridge ---
@@ -229,7 +241,7 @@ def test_an_execution_records_its_decisions_and_replays_them():
         _learn_all(model, tape)
     assert model.replay_buffer.actions[:79, 0, 0].tolist() == actions[:79]
     assert model._n_updates > 0
-    assert th.equal(actor.algorithm.policy.actor.layers[0].weight, model.actor.layers[0].weight)
+    assert th.equal(actor.algorithm.policy.actor.layers[0], model.actor.layers[0])
     assert actor.exploit({"_observation": 1, "advice": neutral_advice(env.action_space)}, None, None)[0] in range(3)
 
 

@@ -25,9 +25,8 @@ def leaning(station: Station, action: int, strength: float) -> np.ndarray:
     """What a peer publishes that prefers `action` everywhere; this execution's own actor is overwritten."""
     last = station.algorithm.policy.actor.layers[-1]
     with th.no_grad():
-        last.weight.zero_()
-        last.bias.zero_()
-        last.bias[..., action] = strength
+        last.zero_()
+        last[:, -1, action] = strength  # of the bias
     return advice_weights(station.algorithm.policy)
 
 
