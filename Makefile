@@ -2,7 +2,7 @@
 #
 # PORT           where to serve (8000)            HOST  on which address (127.0.0.1)
 # SHEPHERD_DATA  database, saves, logs, secrets (var/)
-# PYTHON         the interpreter of a new .venv   ARGS  further arguments of pytest, of the benchmarks
+# PYTHON         the interpreter of a new .venv   ARGS  further arguments of pytest, benchmarks, experiments
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -14,10 +14,10 @@ WORKERS ?= 2
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run demo test bench lint format clean
+.PHONY: help setup run demo test bench experiments lint format clean
 
 help:  ## List the commands
-	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /make \1\t/' | expand -t 16
+	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /make \1\t/' | expand -t 20
 
 setup: $(VENV)/.dev  ## Make .venv with everything that tests and lint need
 
@@ -32,6 +32,9 @@ test: $(VENV)/.dev  ## Run all tests
 
 bench: $(VENV)/.dev  ## Measure speed and memory, and show them beside their bars
 	$(BIN)/python -m benchmarks $(ARGS)
+
+experiments: $(VENV)/.dev  ## Play the figures of the thesis that are missing (hours), and show them
+	$(BIN)/python -m experiments $(ARGS)
 
 lint: $(VENV)/.dev  ## Check style, types, migrations and settings
 	$(BIN)/ruff check .

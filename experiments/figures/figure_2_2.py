@@ -1,0 +1,13 @@
+"""Figure 2.2: one action of a hundred that is not its own stops Policy Gradient from learning Lunar Lander."""
+
+from experiments.curves import LANDER, POLICY_GRADIENT, disturbed
+from experiments.figure import Claim, Figure, Panel
+
+PANEL = "Lunar Lander"
+FIGURE = Figure(
+    number="2.2",
+    title="Policy Gradient, disturbed",
+    thesis="1 % arbitrary actions stop Policy Gradient from learning Lunar Lander, which it learns in about 2000 episodes.",
+    panels=(Panel(PANEL, disturbed(LANDER[0], 2000, POLICY_GRADIENT), window=100),),
+    claims=(Claim(PANEL, "own actions", "1% arbitrary actions", first=1000),),
+)

@@ -1,0 +1,18 @@
+"""Figure 2.3: PPO hardly notices such actions."""
+
+from experiments.curves import CONTINUOUS_LANDER, LANDER, PPO, disturbed
+from experiments.figure import Claim, Figure, Panel
+
+FIGURE = Figure(
+    number="2.3",
+    title="PPO, disturbed",
+    thesis="1 % arbitrary actions hardly matter to PPO; slightly, at the beginning, where actions are continuous.",
+    panels=(
+        Panel("Lunar Lander, continuous", disturbed(CONTINUOUS_LANDER[0], 800, PPO)),
+        Panel("Lunar Lander", disturbed(LANDER[0], 800, PPO)),
+    ),
+    claims=(
+        Claim("Lunar Lander, continuous", "own actions", "1% arbitrary actions", same=True),
+        Claim("Lunar Lander", "own actions", "1% arbitrary actions", same=True),
+    ),
+)

@@ -1,0 +1,85 @@
+"""A curve that is learned in this process: an algorithm as executions build it, on an environment, with advice or without."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from shepherd_client.spaces import spaces_of
+from stable_baselines3.common.callbacks import BaseCallback
+
+from agents_app.algorithms.advice import advised_space, with_advice
+from agents_app.algorithms.builder import build
+from agents_app.algorithms.spec import AgentSpec
+from benchmarks.histories import Log, Recorder
+from experiments.advisors import UNIFORM, Advise, load, uniform
+from experiments.figure import Episodes
+
+ENDLESS = 2**62  # steps
+
+
+@dataclass(frozen=True)
+class InProcess:
+    """The settings. `agent`: fields of AgentSpec beside these, such as its advice settings."""
+
+    environment: str
+    episodes: int
+    algorithm: str = "PPO"
+    parameters: dict[str, Any] = field(default_factory=dict)
+    agent: dict[str, Any] = field(default_factory=dict)
+    advisor: str = ""  # UNIFORM, or one of those of advisors.py
+
+    @property
+    def advisors(self) -> tuple[str, ...]:
+        """What must be trained before."""
+        return (self.advisor,) if self.advisor not in ("", UNIFORM) else ()
+
+    def learn(self, seed: int, saves: Path, on_episode: Callable[[], None]) -> list[Episodes]:
+        """One run of one learner."""
+        log = Log()
+        env: gym.Env = Recorder(gym.make(self.environment), log)
+        if self.advisor:
+            env = Advised(env, self._advise(env, saves))
+        algorithm = build(spec_of(env, self.algorithm, self.parameters, **self.agent), env, seed)
+        algorithm.learn(ENDLESS, callback=StopAfter(self.episodes, log, on_episode))
+        return [log.episodes]
+
+    def _advise(self, env: gym.Env, saves: Path) -> Advise:
+        return uniform(env.action_space) if self.advisor == UNIFORM else load(self.advisor, saves)
+
+
+def spec_of(env: gym.Env, algorithm: str, parameters: dict[str, Any], **fields: Any) -> AgentSpec:
+    """An agent for an environment."""
+    notes = spaces_of(env.unwrapped)
+    return AgentSpec(algorithm, notes.action_space, notes.observation_space, parameters=parameters, **fields)
+
+
+class Advised(gym.ObservationWrapper):
+    """Advice rides beside each observation, as in ShepherdEnv."""
+
+    def __init__(self, env: gym.Env, advise: Advise) -> None:
+        super().__init__(env)
+        self.observation_space = advised_space(env.observation_space, env.action_space)
+        self._advise = advise
+
+    def observation(self, observation: Any) -> dict[str, Any]:
+        """What the advisor says here."""
+        return with_advice(np.asarray(observation), self._advise(observation))
+
+
+class StopAfter(BaseCallback):
+    """Ends learning after a number of episodes."""
+
+    def __init__(self, episodes: int, log: Log, on_episode: Callable[[], None]) -> None:
+        super().__init__()
+        self.episodes, self.log, self.on_episode, self.seen = episodes, log, on_episode, 0
+
+    def _on_step(self) -> bool:
+        for _ in range(self.seen, len(self.log.episodes)):
+            self.on_episode()
+        self.seen = len(self.log.episodes)
+        return self.seen < self.episodes
