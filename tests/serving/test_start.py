@@ -7,6 +7,7 @@ import urllib.request
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from envs_app.serving import preflight
@@ -41,6 +42,10 @@ def test_it_says_where_it_serves_and_nothing_else(server: Server) -> None:
     assert lines[0] == f"Shepherd is ready: {server.url}"
     assert all(server.url in line for line in lines[:-1])
     assert lines[-1] == "Ctrl-C ends it and saves."
+
+
+def test_what_forks_executions_has_one_thread(server: Server) -> None:
+    assert psutil.Process(server.parent_pid()).num_threads() == 1
 
 
 def test_a_taken_port_is_named_and_another_one_advised() -> None:
