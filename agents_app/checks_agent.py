@@ -10,6 +10,7 @@ import numpy as np
 from django.core.exceptions import ValidationError
 from gymnasium import spaces
 
+from agents_app.algorithms import mixing
 from agents_app.algorithms.policies import (
     AUTO,
     CNN,
@@ -30,6 +31,8 @@ FIXED = ("policy", "action_space", "observation_space")  # what the weights depe
 FIXED_PARAMETERS = {"net_arch", "use_sde", "n_critics"}  # too
 HAS_LEARNED = "The agent has learned with another value: reset its learning first, or make a new agent."
 LINEAR = "LinearPolicy"
+NO_ADVICE = "none"
+DETERMINISTIC = {"TD3", "DDPG"}  # algorithms whose policy is one action
 
 
 def check_agent(agent: Agent) -> None:
@@ -46,6 +49,7 @@ def check_agent(agent: Agent) -> None:
     _check_actions(algorithm, action_space)
     _check_observations(algorithm, observation_space)
     _check_policy(algorithm, observation_space, agent.policy)
+    _check_advice(agent, algorithm, action_space)
 
 
 def check_parameters(agent: Agent, changes: dict[str, Any]) -> None:
@@ -73,6 +77,15 @@ def _unsuitable(agent: Agent, values: dict[str, Any]) -> Iterator[tuple[str, str
         yield "net_arch", "LinearPolicy has no hidden layers: choose MlpPolicy as the policy type first."
     if (values.get("n_top") or 0) > values.get("n_delta", 0):
         yield "n_top", f"Write at most the value of n_delta, {values['n_delta']}."
+    by_samples = (agent.advice_method, agent.continuous_advice) == (mixing.INTERSECTION, mixing.BY_SAMPLING)
+    if by_samples and agent.algorithm.name in DETERMINISTIC and not str(values.get("action_noise") or "").strip():
+        yield (
+            "action_noise",
+            (
+                f"Advice by samples needs to know how probable actions are, and {agent.algorithm} has one action only: write "
+                "e.g. normal 0.1, or have advice meet half way."
+            ),
+        )
 
 
 def check_fixed(before: Agent, after: Agent) -> None:
@@ -158,6 +171,27 @@ def _check_policy(algorithm: Algorithm, space: spaces.Space, policy: str) -> Non
             if policy in algorithm.policies
             else {"policy": f"{algorithm} has no {policy}: write {' or '.join([AUTO, *fitting])}."}
         )
+
+
+def _check_advice(agent: Agent, algorithm: Algorithm, space: spaces.Space) -> None:
+    """Advice that the algorithm or the actions cannot take. A new agent whose algorithm takes none begins with none."""
+    if not algorithm.advice and agent._state.adding and agent.advice_method == mixing.INTERSECTION:
+        agent.advice_method = NO_ADVICE
+    if not algorithm.advice and agent.advice_method != NO_ADVICE:
+        raise ValidationError({"advice_method": takes_no_advice(algorithm)})
+    if isinstance(space, spaces.Discrete):
+        return
+    if agent.advice_method == mixing.UNION:
+        sentence = "Policy union is for one of n actions: with vectors of numbers, write intersection or reuse."
+        raise ValidationError({"advice_method": sentence})
+    if (agent.advice_method, agent.advice_form) == (mixing.SHAPING, mixing.DETERMINISTIC):
+        sentence = "An order has no density to be rewarded by: write soft, or another advice method."
+        raise ValidationError({"advice_form": sentence})
+
+
+def takes_no_advice(algorithm: Algorithm) -> str:
+    """What to write instead."""
+    return f"{algorithm} takes no advice: write {NO_ADVICE}, or choose another algorithm."
 
 
 def _looks_at(policy: str, space: spaces.Space) -> bool:

@@ -12,7 +12,7 @@ from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.utils import timezone
 
-from agents_app.checks_agent import check_parameters
+from agents_app.checks_agent import NO_ADVICE, check_parameters, takes_no_advice
 from agents_app.fleet import get_fleet
 from agents_app.models import (
     Agent,
@@ -34,6 +34,8 @@ CSV_HEADER = ("run", "execution", "episode", "return", "length", "learning", "en
 def create_agent(owner: User, fields: dict[str, Any], parameters: dict[str, Any]) -> Agent:
     """A checked agent with its parameter values and its first run. Raises ValidationError."""
     agent = Agent(owner=owner, **fields)
+    if fields.get("advice_method", NO_ADVICE) != NO_ADVICE and not agent.algorithm.advice:
+        raise ValidationError({"advice_method": takes_no_advice(agent.algorithm)})
     with transaction.atomic():
         agent.full_clean()
         agent.save()

@@ -92,10 +92,14 @@ class AdviceSerializer(serializers.ModelSerializer):
     """How the agent's executions advise each other."""
 
     method = serializers.CharField(source="advice_method")
+    form = serializers.CharField(source="advice_form")
+    continuous = serializers.CharField(source="continuous_advice")
+    samples = serializers.IntegerField(source="advice_samples")
 
     class Meta:
         model = Agent
-        fields = ["method", "learning_correction", "psi", "rho", "advisors"]
+        fields = ["method", "advisors", "form", "rho", "continuous", "samples", "last_word", "psi", "shaping_scale"]
+        fields += ["learning_correction"]
 
 
 class AgentSerializer(SessionAgentSerializer):

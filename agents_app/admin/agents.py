@@ -17,12 +17,35 @@ from agents_app import services
 from agents_app.admin.agent_form import PREFIX, form_for
 from agents_app.admin.agent_pages import AgentPages
 from agents_app.admin.owned import DeletesQuietly, OwnedAdmin
+from agents_app.algorithms.registry import BY_NAME
 from agents_app.models import Agent, Algorithm
 
 BASICS = ("name", "algorithm", "action_space", "observation_space")
-ADVICE = ("advice_method", "learning_correction", "rho", "psi", "advisors")
+ADVICE = (
+    "advice_method",
+    "advisors",
+    "advice_form",
+    "rho",
+    "continuous_advice",
+    "advice_samples",
+    "last_word",
+    "psi",
+    "shaping_scale",
+    "learning_correction",
+)
+ADVISED, INTERSECTED = "advice_method != 'none'", "advice_method == 'intersection'"
 EXECUTIONS = ("max_percent_cpu", "max_executions", "sessions_per_execution", "save_interval", "start_from")
 AT_RESTART = {"policy", "action_space", "observation_space", *ADVICE, "start_from"}
+
+
+def advice_fields(agent: Agent) -> dict[str, Any]:
+    """The settings of advice that mean anything to the agent."""
+    row = BY_NAME.get(agent.algorithm.name)
+    if row is None or not row.advice:
+        return {"fields": ("advice_method",), "description": f"{agent.algorithm} takes no advice."}
+    discrete = isinstance(agent.action_space, int)
+    idle = {"continuous_advice", "advice_samples"} if discrete else {"rho"}
+    return {"fields": [name for name in ADVICE if name not in idle and (row.corrects or name != "learning_correction")]}
 
 
 @admin.register(Agent)
@@ -36,6 +59,14 @@ class AgentAdmin(AgentPages, DeletesQuietly, OwnedAdmin):
     search_fields = ("name", "owner__name")
     autocomplete_fields = ("owner",)
     warn_unsaved_form = True
+    conditional_fields = {  # each is shown where it changes anything
+        **dict.fromkeys(["advisors", "advice_form", "rho"], ADVISED),
+        **dict.fromkeys(["continuous_advice", "last_word"], INTERSECTED),
+        "advice_samples": f"{INTERSECTED} && continuous_advice == 'sampling'",
+        "psi": "advice_method == 'reuse'",
+        "shaping_scale": "advice_method == 'shaping'",
+        "learning_correction": f"{ADVISED} && advice_method != 'shaping'",
+    }
     actions = None  # deleting agents, which ends executions, goes one by one
 
     def get_fieldsets(self, request: HttpRequest, obj: Agent | None = None) -> Any:
@@ -47,7 +78,7 @@ class AgentAdmin(AgentPages, DeletesQuietly, OwnedAdmin):
         return [
             ("Agent", {"classes": ["tab"], "fields": (*owner, *BASICS, "policy", "enable_learning", "public")}),
             ("Parameters", {"classes": ["tab"], "fields": parameters}),
-            ("Advice", {"classes": ["tab"], "fields": ADVICE}),
+            ("Advice", {"classes": ["tab"], **advice_fields(obj)}),
             ("Executions", {"classes": ["tab"], "fields": EXECUTIONS}),
         ]
 

@@ -29,6 +29,11 @@ class Row:
     advice: bool = False
     policies: tuple[str, ...] = ACTOR_CRITIC
 
+    @property
+    def corrects(self) -> bool:
+        """Whether its learning rule can know of the advice. The others off the policy need not (actor_advisor.md section 2)."""
+        return self.advice and (self.family == "on_policy" or self.name == "BDPI")
+
     def load(self) -> type[Any]:
         """The algorithm's own class."""
         module, name = self.path.split(":")

@@ -11,6 +11,7 @@ from django.core.validators import MaxValueValidator, MinValueValidator
 from django.db import models
 from django.utils import timezone
 
+from agents_app.algorithms import mixing
 from agents_app.models.catalogue import Algorithm
 
 
@@ -19,10 +20,27 @@ class Agent(models.Model):
 
     class AdviceMethod(models.TextChoices):
         NONE = "none", "No advice"
-        INTERSECTION = "intersection", "Policy intersection (the advice is multiplied in)"
+        INTERSECTION = mixing.INTERSECTION, "Policy intersection: what both agree on"
+        UNION = mixing.UNION, "Policy union: what either of them would do (one of n actions only)"
+        REUSE = mixing.REUSE, "Policy reuse: what the advisor would do, now and then"
+        SHAPING = mixing.SHAPING, "Reward shaping: a reward for what the advisor would do"
 
     class Advisors(models.TextChoices):
-        RANDOM = "random", "A random live execution at each step"
+        RANDOM = mixing.RANDOM, "One live execution, drawn at random at each step"
+        BEST = mixing.BEST, "The live execution with the best recent returns"
+        ALL = mixing.ALL, "All live executions together"
+
+    class ContinuousAdvice(models.TextChoices):
+        MEAN = mixing.BY_MEAN, "Half way between the agent's action and the advisor's"
+        SAMPLING = mixing.BY_SAMPLING, "Of many actions of the advisor, one that the agent finds probable"
+
+    class AdviceForm(models.TextChoices):
+        SOFT = mixing.SOFT, "An opinion: how good each action is"
+        DETERMINISTIC = mixing.DETERMINISTIC, "An order: the one action that the advisor finds best"
+
+    class LastWord(models.TextChoices):
+        LEARNER = mixing.LEARNER, "The agent"
+        ADVISOR = mixing.ADVISOR, "The advisor"
 
     class StartFrom(models.TextChoices):
         LATEST = "latest", "The latest save"
@@ -65,21 +83,70 @@ class Agent(models.Model):
         validators=[MinValueValidator(1)],
         help_text="1: each client trains its own execution. More: slow clients (people) share a few executions.",
     )
-    advice_method = models.CharField(max_length=20, choices=AdviceMethod, default=AdviceMethod.INTERSECTION)
-    learning_correction = models.BooleanField(
-        default=True, help_text="Let the learning rule know that the action was chosen with advice."
+    advice_method = models.CharField(
+        max_length=20,
+        choices=AdviceMethod,
+        default=AdviceMethod.INTERSECTION,
+        help_text="How the executions of this agent, or you at the client, help each of them to choose its actions. "
+        "Intersection is the one to try first.",
     )
-    psi = models.FloatField(
-        default=0.5,
-        validators=[MinValueValidator(0), MaxValueValidator(1)],
-        help_text="Policy reuse only: how often the advisor's action is taken, 0 to 1.",
+    advisors = models.CharField(
+        "who advises",
+        max_length=20,
+        choices=Advisors,
+        default=Advisors.RANDOM,
+        help_text="Where all together cannot be mixed into one, one of them is drawn at random at each step.",
+    )
+    advice_form = models.CharField(
+        "advice is",
+        max_length=20,
+        choices=AdviceForm,
+        default=AdviceForm.SOFT,
+        help_text="The agent can learn to do without an opinion. An order is obeyed: for rules that must be kept.",
     )
     rho = models.FloatField(
+        "influence (rho)",
         default=1.0,
         validators=[MinValueValidator(0), MaxValueValidator(1)],
-        help_text="Influence of the advice: 1 is full, 0 is none.",
+        help_text="1 is the advice as it is. Less makes it less certain; 0.7 suits advisors that know another task.",
     )
-    advisors = models.CharField("who advises", max_length=20, choices=Advisors, default=Advisors.RANDOM)
+    continuous_advice = models.CharField(
+        "the action is",
+        max_length=20,
+        choices=ContinuousAdvice,
+        default=ContinuousAdvice.MEAN,
+        help_text="Half way is quick and smooth. With samples, an agent that is sure of itself stops listening.",
+    )
+    advice_samples = models.PositiveIntegerField(
+        "samples",
+        default=64,
+        validators=[MinValueValidator(1), MaxValueValidator(4096)],
+        help_text="How many actions of the advisor are compared at each step. More are slower, and nearer to agreement.",
+    )
+    last_word = models.CharField(
+        "who has the last word",
+        max_length=20,
+        choices=LastWord,
+        default=LastWord.LEARNER,
+        help_text="Where the agent and the advisor agree on no action at all. Half way between two, there is always one.",
+    )
+    psi = models.FloatField(
+        "how often (psi)",
+        default=0.5,
+        validators=[MinValueValidator(0), MaxValueValidator(1)],
+        help_text="Which share of the actions is the advisor's: 0 is none, 1 is all.",
+    )
+    shaping_scale = models.FloatField(
+        "scale of the reward",
+        default=1.0,
+        validators=[MinValueValidator(0), MaxValueValidator(1_000_000)],
+        help_text="What an action is rewarded of which the advisor is certain. The learning curve does not count it.",
+    )
+    learning_correction = models.BooleanField(
+        default=True,
+        help_text="Let the learning rule know that actions were chosen with advice. Without it, many agents unlearn what "
+        "they were advised; a few learn faster.",
+    )
     start_from = models.CharField(max_length=10, choices=StartFrom, default=StartFrom.LATEST)
     save_interval = models.PositiveIntegerField(
         default=10_000, validators=[MinValueValidator(1)], help_text="Steps between two saves of an execution."

@@ -16,7 +16,7 @@ VECTOR, IMAGE, SMALL, DICTIONARY = (
 REAL = [[2], -1, 1]
 
 
-def agent(algorithm="PPO", action_space=4, observation_space=None, policy="auto"):
+def agent(algorithm="PPO", action_space=4, observation_space=None, policy="auto", **advice):
     owner, _ = User.objects.get_or_create(name="owner")
     return Agent(
         owner=owner,
@@ -25,6 +25,7 @@ def agent(algorithm="PPO", action_space=4, observation_space=None, policy="auto"
         action_space=action_space,
         observation_space=VECTOR if observation_space is None else observation_space,
         policy=policy,
+        **advice,
     )
 
 
@@ -174,3 +175,80 @@ def test_parameters_are_the_defaults_and_the_owners_values():
     assert saved.parameters()["gamma"] == 0.99
     with pytest.raises(ValidationError, match="PPO has no tau"):
         services.set_parameters(saved, {"tau": 1.0})
+
+
+# --- advice ---
+
+
+@pytest.mark.parametrize("algorithm", ["PPO", "A2C", "TRPO", "PolicyGradient", "DQN", "QR-DQN", "BDPI"])
+@pytest.mark.parametrize("method", Agent.AdviceMethod.values)
+def test_every_method_is_taken_for_one_of_n_actions(algorithm, method):
+    agent(algorithm, advice_method=method, advice_form="deterministic").full_clean()
+
+
+@pytest.mark.parametrize("algorithm", ["PPO", "A2C", "TRPO", "PolicyGradient", "SAC", "TQC", "TD3", "DDPG"])
+@pytest.mark.parametrize("method", Agent.AdviceMethod.values)
+def test_every_method_but_union_is_taken_for_vectors(algorithm, method):
+    if method == "union":
+        refused = refusal("advice_method", algorithm=algorithm, action_space=REAL, advice_method=method)
+        assert "write intersection or reuse" in refused
+    else:
+        agent(algorithm, REAL, advice_method=method).full_clean()
+
+
+@pytest.mark.parametrize("algorithm", ["ARS", "RecurrentPPO", "MaskablePPO"])
+def test_an_algorithm_that_takes_no_advice_begins_with_none_and_refuses_any(algorithm):
+    plain = agent(algorithm)
+    plain.full_clean()
+    assert plain.advice_method == "none"
+    assert refusal("advice_method", algorithm=algorithm, advice_method="reuse") == (
+        f"{algorithm} takes no advice: write none, or choose another algorithm."
+    )
+    plain.save()
+    plain.advice_method = "intersection"
+    with pytest.raises(ValidationError, match="takes no advice"):
+        plain.full_clean()
+
+
+def test_asked_for_by_name_the_default_is_refused_too():
+    fields = {"name": "ars", "algorithm": Algorithm.objects.get(name="ARS"), "action_space": 4}
+    fields |= {"observation_space": VECTOR, "advice_method": "intersection"}
+    with pytest.raises(ValidationError, match="ARS takes no advice: write none"):
+        services.create_agent(User.objects.create_user("owner"), fields, {})
+
+
+def test_the_density_of_an_order_is_no_reward():
+    fields = {"action_space": REAL, "advice_method": "shaping", "advice_form": "deterministic"}
+    assert "write soft" in refusal("advice_form", **fields)
+
+
+@pytest.mark.parametrize("algorithm", ["TD3", "DDPG"])
+def test_advice_by_samples_needs_to_know_how_probable_actions_are(algorithm):
+    one = agent(algorithm, REAL, continuous_advice="sampling")
+    one.save()
+    with pytest.raises(ValidationError) as caught:
+        services.set_parameters(one, {"action_noise": ""})
+    assert "write e.g. normal 0.1" in caught.value.message_dict["action_noise"][0]
+    services.set_parameters(one, {"action_noise": "normal 0.2"})
+    for other in (agent(algorithm, REAL), agent("SAC", REAL, continuous_advice="sampling")):
+        other.name = other.algorithm.name
+        other.save()
+        services.set_parameters(other, {"action_noise": ""})
+
+
+def test_the_settings_of_advice_reach_the_execution():
+    from agents_app.algorithms.mixing import Mixing
+    from envs_app.executions import agent_spec
+
+    settings = {"advice_method": "reuse", "psi": 0.2, "continuous_advice": "sampling", "advice_samples": 9}
+    settings |= {"last_word": "advisor", "advice_form": "deterministic", "shaping_scale": 3.0, "rho": 0.7}
+    settings |= {"advisors": "all", "learning_correction": False}
+    spec = agent_spec(agent(**settings), {})
+    assert {name: getattr(spec, name) for name in settings} == settings
+    assert spec.mixing() == Mixing("reuse", False, 0.2, "sampling", 9, "advisor")
+
+
+def test_reward_shaping_needs_no_correction():
+    from envs_app.executions import agent_spec
+
+    assert not agent_spec(agent(advice_method="shaping", learning_correction=True), {}).mixing().correction

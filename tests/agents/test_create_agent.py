@@ -48,9 +48,18 @@ def test_it_sets_parameters_advice_and_other_fields():
     assert (agent.learning_correction, agent.rho) == (False, 0.5)
 
 
+@pytest.mark.parametrize("method", Agent.AdviceMethod.values)
+def test_every_advice_method_can_be_chosen(method):
+    agent = Agent.objects.get(pk=run(f"--advice={method}", "--set=advisors=best", "--set=psi=0.2")["id"])
+    assert (agent.advice_method, agent.advisors, agent.psi) == (method, "best", 0.2)
+
+
 @pytest.mark.parametrize(
     ("arguments", "options", "sentence"),
     [
+        (["--advice=intersection"], {"algorithm": "ARS"}, "ARS takes no advice: write none"),
+        (["--advice=union"], {"action_space": "[[2], -1, 1]"}, "write intersection or reuse"),
+        (["--set=advisors=worst"], {}, "advisors: Value 'worst' is not a valid choice"),
         ([], {"algorithm": "XPO"}, "write one of A2C"),
         ([], {"observation_space": "vector"}, "is no JSON"),
         ([], {"observation_space": "[[8], -10]"}, "this one has 2"),

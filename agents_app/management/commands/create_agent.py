@@ -31,7 +31,8 @@ class Command(BaseCommand):
         parser.add_argument("--observation-space", required=True, help="e.g. [[8], -10, 10]")
         parser.add_argument("--policy", default="auto", help="kind of network (default: auto)")
         parser.add_argument("--parameter", action="append", default=[], metavar="NAME=VALUE", help="e.g. gamma=0.999")
-        parser.add_argument("--advice", choices=Agent.AdviceMethod.values, help="advice method (default: intersection)")
+        default = "(default: intersection, or none where the algorithm takes none)"
+        parser.add_argument("--advice", choices=Agent.AdviceMethod.values, help=f"advice method {default}")
         parser.add_argument("--no-learning-correction", action="store_true", help="learn as if there were no advice")
         parser.add_argument("--rho", type=float, help="influence of the advice, 0 to 1 (default: 1)")
         parser.add_argument("--set", action="append", default=[], metavar="FIELD=VALUE", help="any other agent field")
