@@ -24,6 +24,7 @@ ROWS = {
     "memory": "memory of an execution",
     "kill": "kill -9 of an execution",
     "inprocess": "Stable-Baselines3 in process; the original Shepherd",
+    "bdpi": "BDPI's ensemble of critics beside a loop",
     "million": "a million EpisodeReturns",
     "parity": "learning over HTTP and in process",
 }
