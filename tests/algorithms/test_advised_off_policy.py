@@ -17,7 +17,8 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
 
 from agents_app.algorithms.advice import Gaussian, neutral_advice, product
-from agents_app.algorithms.advised_off_policy import advised_classes, draw_advice, noise_deviation
+from agents_app.algorithms.advised_off_policy import advised_classes
+from agents_app.algorithms.explorers import draw_advice, noise_deviation
 from agents_app.algorithms.mixing import ADVISOR, BY_SAMPLING, REUSE, SHAPING, UNION, Mixing
 from agents_app.algorithms.off_policy import OffPolicyActor
 from tests.algorithms.building import built, some
