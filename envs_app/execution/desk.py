@@ -72,9 +72,15 @@ class Desk:
         for session, waiting in list(self.parked.items()):
             if waiting.acted:
                 self._give_chosen_action(session, waiting)
-            elif not self._learner_is_behind():
+            elif not self._must_wait():
                 del self.parked[session]
                 self._proceed(waiting)
+
+    def next_due(self) -> float | None:
+        """Seconds until a parked step may go on though nobody wakes the desk; None when there is none."""
+        if self._learner_is_behind() or all(waiting.acted for waiting in self.parked.values()):
+            return None
+        return max(0.0, self._seconds_early())
 
     def release(self, session: int) -> None:
         """The session is closed or served elsewhere: forget it."""
@@ -138,9 +144,9 @@ class Desk:
         self._check_quota()
         state.owner = self.worker.spec.uid
         waiting = Waiting(message, to, state, seq=seq)
-        if self._learner_is_behind():
+        if self._must_wait():
             self.parked[session] = waiting
-            if not self._learner_is_behind():  # it caught up just before there was anybody to wake
+            if not self._must_wait():  # it caught up just before there was anybody to wake
                 self.wake()
         else:
             self._proceed(waiting)
@@ -189,6 +195,14 @@ class Desk:
     def _check_quota(self) -> None:
         if (seconds := self.throttled_until - time.monotonic()) > 0:
             raise errors.QuotaExceeded(retry_after=round(seconds, 3))
+
+    def _must_wait(self) -> bool:
+        return self._learner_is_behind() or self._seconds_early() > 0
+
+    def _seconds_early(self) -> float:
+        """How long it is until the next decision is due."""
+        pace = self.worker.pace()
+        return self.used_at + pace - time.monotonic() if pace else 0.0
 
     def _learner_is_behind(self) -> bool:
         worker = self.worker

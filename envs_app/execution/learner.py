@@ -48,6 +48,7 @@ class Learner(threading.Thread):
         self._weights, self.save_interval = weights, save_interval
         self._save, self._on_published, self._on_failed = save, on_published, on_failed
         self._turns = turns
+        self.updating = False  # an update is being made, or waits for its turn
         self._saved_at = algorithm.num_timesteps
         self._updates: int | None = None  # None: nothing is published yet, not even what was restored
 
@@ -74,10 +75,12 @@ class Learner(threading.Thread):
             self.algorithm.learn(ENDLESS, callback=hook, log_interval=None, reset_num_timesteps=False)
 
     def _before_update(self) -> None:
+        self.updating = True
         if self._turns is not None:
             self._turns.take()
 
     def _between_updates(self) -> None:
+        self.updating = False
         if self._turns is not None:
             self._turns.give_back()
         if self.algorithm._n_updates != self._updates:

@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
-PATIENCE, PAUSE = 10.0, 0.01  # seconds
+PATIENCE, PAUSE = 60.0, 0.01  # seconds
 
 
 class Turns:

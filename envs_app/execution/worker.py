@@ -32,6 +32,11 @@ from envs_app.execution.learner import Learner
 from envs_app.execution.saves import SaveMeta, SaveStore
 from envs_app.execution.turns import Turns, cores
 
+PACE_SECONDS, BRAKE_SECONDS = (
+    0.003,
+    0.3,
+)  # between decisions while an update is made: as it begins, and at the full lead
+
 log = logging.getLogger("shepherd.execution")
 
 
@@ -114,11 +119,21 @@ class Worker:
             self._failed,
             self._turns(family),
         )
+        self._has_long_updates = family.has_long_updates(self.algorithm)
         self._seen: np.ndarray | None = None
         self._needs_warming_up(family)
         self.feed.on_action = self.feed.on_taken = wake
         self.feed.pause(not self.learning)
         self.learner.start()
+
+    def pace(self) -> float:
+        """Seconds that should lie between two decisions now: what is decided during an update is decided by an old policy.
+
+        It begins with next to nothing and rises steeply towards the bound of the lead, so that nobody runs into it
+        (docs/adr/0003)."""
+        if not (self._has_long_updates and self.learner.updating and self.learning):
+            return 0.0
+        return min(BRAKE_SECONDS, PACE_SECONDS + BRAKE_SECONDS * (self.feed.backlog / self.allowed_lead) ** 4)
 
     def set_learning(self, learning: bool) -> None:
         """Learn, or only act, from now on, with what was learned until now."""

@@ -104,8 +104,11 @@ class Child:
         self.report({"k": "ready"})
 
     def _turn(self) -> None:
-        for key, _ in self.selector.select(STATUS_SECONDS):
+        due = self.desk.next_due()
+        for key, _ in self.selector.select(STATUS_SECONDS if due is None else min(due, STATUS_SECONDS)):
             key.data(key.fileobj)
+        if due is not None:
+            self.desk.wake()
         if self.worker.failure:
             self.desk.abandon()
             raise LearnerFailed(self.worker.failure)
