@@ -116,3 +116,37 @@ def test_a_key_is_made_and_revoked(page, agent):
     wait_for(page, lambda: page.find_element(By.CSS_SELECTOR, ".sh-danger")).click()
     wait_for(page, lambda: "opens nothing any more" in page.find_element(By.TAG_NAME, "body").text)
     assert not agent.api_keys.get().is_valid()
+
+
+def shown_settings(page):
+    """The settings of advice whose condition holds, whichever tab is open."""
+    rows = page.find_elements(By.CSS_SELECTOR, '[x-show*="advice_method"]')
+    visible = [row for row in rows if row.value_of_css_property("display") != "none"]
+    named = [row.find_element(By.CSS_SELECTOR, "[name]").get_attribute("name") for row in visible]
+    return set(named)
+
+
+def test_the_settings_of_advice_show_what_the_method_asks(page, agent, complaints):
+    method = page.find_element(By.NAME, "advice_method")
+
+    def choose(name):
+        script = "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('change', {bubbles: true}))"
+        page.execute_script(script, method, name)
+
+    always = {"advisors", "advice_form", "rho"}
+    wait_for(page, lambda: shown_settings(page) == always | {"last_word", "learning_correction"})
+    for name, asked in [
+        ("reuse", always | {"psi", "learning_correction"}),
+        ("shaping", always | {"shaping_scale"}),
+        ("none", set()),
+        ("union", always | {"learning_correction"}),
+    ]:
+        choose(name)
+        wait_for(page, lambda expected=asked: shown_settings(page) == expected)
+    before = {field.name: getattr(agent, field.name) for field in agent._meta.fields}
+    page.find_element(By.NAME, "_continue").click()
+    wait_for(page, lambda: type(agent).objects.get(pk=agent.pk).advice_method == "union")
+    agent.refresh_from_db()
+    after = {field.name: getattr(agent, field.name) for field in agent._meta.fields}
+    assert {name for name in before if before[name] != after[name]} == {"advice_method"}
+    assert complaints() == []

@@ -55,6 +55,25 @@ AGENTS |= {
         ("DDPG", "discrete"),
     ]
 }
+AGENTS |= {
+    f"{algorithm}, {', '.join(settings.values())}": {
+        "algorithm": algorithm,
+        "action_space": actions,
+        "observation_space": OBSERVATIONS["vector"],
+        **settings,
+    }
+    for algorithm, actions, settings in [
+        ("TRPO", DISCRETE, {"advice_method": "intersection", "last_word": "advisor", "advisors": "all"}),
+        ("TRPO", CONTINUOUS, {"advice_method": "reuse"}),
+        ("PPO", DISCRETE, {"advice_method": "union", "advisors": "all"}),
+        ("PPO", CONTINUOUS, {"advice_method": "intersection", "continuous_advice": "sampling"}),
+        ("A2C", DISCRETE, {"advice_method": "reuse", "advice_form": "deterministic"}),
+        ("PPO", CONTINUOUS, {"advice_method": "shaping"}),
+        ("DQN", DISCRETE, {"advice_method": "shaping"}),
+        ("SAC", CONTINUOUS, {"advice_method": "shaping"}),
+        ("BDPI", DISCRETE, {"advice_method": "union"}),
+    ]
+}
 
 
 @pytest.fixture(scope="module")
