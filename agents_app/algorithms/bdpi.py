@@ -137,6 +137,7 @@ class BDPI(OffPolicyAlgorithm):
 
     def train(self, gradient_steps: int, batch_size: int = 256) -> None:
         """Training epochs: the critics learn from a batch each, then the actor from each critic in turn."""
+        th.set_flush_denormal(True)  # where Adam's means of states long unseen end; there a CPU is ten times slower
         self._update_learning_rate(self.policy.optimizers())
         for _ in range(gradient_steps):
             self.train_epoch(self.draw_batches(batch_size))

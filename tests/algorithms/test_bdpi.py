@@ -162,6 +162,17 @@ def test_the_policy_alone_comes_back_from_a_file(tmp_path: Path):
     assert all(th.equal(a, b) for a, b in zip(loaded.parameters(), policy.parameters(), strict=True))
 
 
+def test_what_was_not_seen_for_long_is_forgotten_and_not_kept_as_a_denormal_number():
+    model = make(Identity(400)).learn(70)
+    means = [state["exp_avg"] for adam in model.policy.optimizers() for state in adam.state.values()]
+    for mean in means:
+        mean.fill_(2e-38)
+    for _ in range(20):
+        model.train(1, 64)
+    bits = np.concatenate([mean.numpy().ravel() for mean in means]).view(np.int32) & 0x7FFFFFFF
+    assert not ((bits > 0) & (bits < 0x00800000)).any()
+
+
 # --- advice ---
 @pytest.mark.parametrize("method", METHODS)
 def test_neutral_advice_changes_nothing_to_the_bit(method):
