@@ -29,7 +29,7 @@ from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, Schedul
 from agents_app.algorithms.advice import is_neutral
 from agents_app.algorithms.bdpi_policies import BDPIPolicy
 from agents_app.algorithms.ensemble import Ensemble, probabilities
-from agents_app.algorithms.mixing import INTERSECTION
+from agents_app.algorithms.mixing import INTERSECTION, SHAPING
 
 EPSILON = 1e-6  # keeps eq. 3.4 and eq. 6.1 from dividing by zero
 
@@ -179,14 +179,17 @@ class BDPI(OffPolicyAlgorithm):
             inputs = batches.inputs[critic : critic + 1]
             own = probabilities(self.actor(inputs))  # (1, B, A)
             wanted = th.nn.functional.one_hot(greedy[critic : critic + 1], own.shape[-1]).to(own.dtype)
-            if batches.advice is not None and self.policy.mixing.correction:
+            if batches.advice is not None:
                 wanted = self._correct(wanted, own, batches.advice[critic : critic + 1])
             self.actor.fit(inputs, ((1.0 - rate) * own + rate * wanted).clamp(0.0, 1.0), self.fit_steps)
 
     def _correct(self, greedy: th.Tensor, own: th.Tensor, advice: th.Tensor) -> th.Tensor:
-        if self.policy.mixing.method == INTERSECTION:
+        mixing = self.policy.mixing
+        if not mixing.correction or mixing.method == SHAPING:  # the advice changed no action
+            return greedy
+        if mixing.method == INTERSECTION:
             return correct_intersection(greedy, own, advice)
-        return correct_reuse(greedy, advice, self.policy.mixing.share)
+        return correct_reuse(greedy, advice, mixing.share)
 
     def _critics(self, iteration: int) -> tuple[Ensemble, Ensemble]:
         """The Q-functions that learn in this iteration, and the other ones."""

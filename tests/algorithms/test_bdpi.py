@@ -30,7 +30,7 @@ QUICK: dict[str, Any] = {
     "learning_rate": 5e-3,
     "train_freq": 2,
 }
-METHODS = ["intersection", "reuse"]
+METHODS = ["intersection", "union", "reuse"]
 
 
 def make(env: gym.Env, **options: Any) -> BDPI:
@@ -181,6 +181,13 @@ def test_neutral_advice_changes_nothing_to_the_bit(method):
         assert th.equal(ours, theirs)
 
 
+def test_advice_that_is_a_reward_changes_no_action_and_no_target():
+    bad = np.array([0.8, 0.1, 0.1], np.float32)
+    plain, advised = make(Identity()).learn(80), make(Advised(Identity(), bad), method="shaping").learn(80)
+    for ours, theirs in zip(advised.policy.parameters(), plain.policy.parameters(), strict=True):
+        assert th.equal(ours, theirs)
+
+
 def test_eq_3_4_is_what_the_thesis_says():
     own, advice = th.tensor([[0.5, 0.3, 0.2]]), th.tensor([[0.2, 0.7, 0.1]])
     greedy = th.tensor([[0.0, 0.0, 1.0]])
@@ -205,7 +212,7 @@ def test_reuse_acts_on_the_mixture_of_eq_2_5():
     th.testing.assert_close(policy.mix(logits, advice).softmax(-1), th.tensor([[0.45, 0.225, 0.325]]))
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["intersection", "reuse"])
 def test_an_order_is_obeyed(method):
     env = Advised(Identity(), np.array([0, 1, 0], np.float32))
     model = make(env, method=method, psi=1.0).learn(64)
