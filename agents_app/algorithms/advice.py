@@ -95,6 +95,8 @@ def intersect_logits(logits: Array, advice: Array, last_word: str = LEARNER) -> 
     Where the sum is nothing, what remains is the policy of whoever has the last word (thesis 3.2.1, footnote 4).
     """
     said = _log_advice(advice)
+    if said.min() > NOTHING:  # nothing is ruled out, so that the sum is more than nothing, whatever the learner does
+        return logits + said
     empty = _log_sum(logits - _log_sum(logits) + said) < NOTHING
     return _library(logits).where(empty, logits if last_word == LEARNER else said, logits + said)
 
@@ -115,7 +117,8 @@ def _log_advice(advice: Array) -> Array:
     """Logarithms of the probabilities, up to a constant: 0 for the most probable action."""
     xp = _library(advice)
     relative = advice / xp.amax(advice, axis=-1, keepdims=True)
-    return xp.where(relative > 0, xp.log(xp.clip(relative, TINY, None)), IMPOSSIBLE)
+    never = relative == 0
+    return xp.where(never, IMPOSSIBLE, xp.log(relative + never))
 
 
 def _log_sum(logits: Array) -> Array:
