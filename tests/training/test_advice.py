@@ -34,10 +34,11 @@ AGENTS |= {
         "learning_correction": False,
     },
     "BDPI, vector": {"algorithm": "BDPI", "observation_space": OBSERVATIONS["vector"]},
-    "BDPI, dict, no LC": {
+    "BDPI, dict, reuse": {
         "algorithm": "BDPI",
         "observation_space": OBSERVATIONS["dict"],
-        "learning_correction": False,
+        "advice_method": "reuse",
+        "psi": 0.3,
     },
 }
 AGENTS |= {
