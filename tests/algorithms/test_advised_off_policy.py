@@ -22,7 +22,7 @@ from agents_app.algorithms.explorers import draw_advice, noise_deviation
 from agents_app.algorithms.mixing import ADVISOR, BY_SAMPLING, REUSE, SHAPING, UNION, Mixing
 from agents_app.algorithms.off_policy import OffPolicyActor
 from tests.algorithms.building import built, some
-from tests.algorithms.games import Advised, Identity, Point
+from tests.algorithms.games import Advised, Identity, Point, mean_return
 from tests.algorithms.specs import OBSERVATIONS, make_spec
 
 SMALL: dict[str, Any] = {"learning_starts": 20, "batch_size": 8, "buffer_size": 300, "seed": 3, "device": "cpu"}
@@ -64,10 +64,10 @@ def game(stock: Any) -> gym.Env:
     return Identity() if stock in VALUES else Point()
 
 
-def advised(stock: Any, env: gym.Env, mixing: Mixing = WITHOUT, **options: Any) -> Any:
+def advised(stock: Any, env: gym.Env, mixing: Mixing = WITHOUT, width: int = 8, **options: Any) -> Any:
     """The algorithm that takes advice, on a game that gives some."""
     algorithm, policy = advised_classes(stock, stock.policy_aliases["MlpPolicy"])
-    return algorithm(policy, env, policy_kwargs={"net_arch": [8], "mixing": mixing}, **small(stock, **options))
+    return algorithm(policy, env, policy_kwargs={"net_arch": [width], "mixing": mixing}, **small(stock, **options))
 
 
 def here(stock: Any, mixing: Mixing = WITHOUT, noise: float = 0.2, **options: Any) -> Any:
@@ -409,6 +409,37 @@ class TestPeers:
             model.exploration_rate = rate
             said = model.policy.get_distribution(place()).distribution.probs[0].numpy()
             assert said == pytest.approx(rate / 4 + (1 - rate) * np.eye(4)[1])
+
+
+class TestLearning:
+    QUICK: dict[str, Any] = {"learning_rate": 0.01, "gamma": 0.0, "learning_starts": 100}
+
+    @pytest.mark.parametrize("method", ["intersection", "union"])
+    def test_a_choice_is_learned_in_spite_of_wrong_advice(self, method: str) -> None:
+        wrong = np.array([0.8, 0.1, 0.1], np.float32)
+        model = advised(DQN, Advised(Identity(), wrong), METHODS[method], target_update_interval=50, **self.QUICK)
+        assert mean_return(model.learn(1200), Advised(Identity(), wrong)) == 10
+
+    def test_so_is_a_number(self) -> None:
+        env = Advised(Point(), np.array([0.9, 0.3], np.float32))
+        model = advised(SAC, env, METHODS["sampling"], width=32, batch_size=32, buffer_size=2000, **self.QUICK)
+        assert mean_return(model.learn(1000), env) > -1  # doing nothing brings -3.3
+
+    def test_a_newcomer_does_what_a_trained_peer_does(self) -> None:
+        trained = advised(DQN, Advised(Identity()), target_update_interval=50, **self.QUICK).learn(1500)
+        newcomer = advised(DQN, Advised(Identity()), learning_starts=10_000)
+        for seen in range(3):
+            obs = np.full(500, seen)
+            advice = trained.policy.get_distribution(th.as_tensor(obs)).distribution.probs.numpy()
+            newcomer._last_obs = {"_observation": obs, "advice": advice}
+            assert (newcomer._sample_action(10_000, None, 500)[0] == seen).mean() > 0.9
+
+    def test_returns_over_several_steps_are_learned_from_too(self) -> None:
+        """SB3 has no replay buffer of them for dictionaries; without advice in it, none is needed."""
+        plain = DQN("MlpPolicy", Identity(), policy_kwargs={"net_arch": [8]}, **small(DQN, n_steps=3)).learn(100)
+        ours = advised(DQN, Advised(Identity()), n_steps=3).learn(100)
+        assert type(ours.replay_buffer) is type(plain.replay_buffer)
+        assert th.equal(ours.q_net.q_net[0].weight, plain.q_net.q_net[0].weight)
 
 
 @pytest.mark.parametrize("kind", OBSERVATIONS)
