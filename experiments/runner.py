@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import sys
 import time
 import traceback
@@ -115,6 +116,8 @@ def _run(job: Job | Training) -> str:
         job.run()
     except Exception:
         return f"{job}\n{traceback.format_exc()}"
+    except BaseException:  # interrupted: the next job, which the pool has handed out already, must not begin
+        os._exit(143)
     return ""
 
 
@@ -128,6 +131,10 @@ def _pool(processes: int) -> Iterator[tuple[ProcessPoolExecutor, Any]]:
     pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(played,))
     try:
         yield pool, played
+    except BaseException:  # interrupted: what runs now may take an hour more
+        for process in multiprocessing.active_children():
+            process.terminate()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
 
@@ -135,6 +142,7 @@ def _pool(processes: int) -> Iterator[tuple[ProcessPoolExecutor, Any]]:
 def _begin(played: Any) -> None:
     global _played
     _played = played
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # through every `with`: no server is left behind
     warnings.filterwarnings("ignore", message=".*out of date.*")  # Cart Pole v0 is the one of the thesis
 
 

@@ -8,8 +8,8 @@ FIGURE = Figure(
     title="PPO, disturbed",
     thesis="1 % arbitrary actions hardly matter to PPO; slightly, at the beginning, where actions are continuous.",
     panels=(
-        Panel("Lunar Lander, continuous", disturbed(CONTINUOUS_LANDER[0], 800, PPO)),
-        Panel("Lunar Lander", disturbed(LANDER[0], 800, PPO)),
+        Panel("Lunar Lander, continuous", disturbed(CONTINUOUS_LANDER[0], 600, PPO)),
+        Panel("Lunar Lander", disturbed(LANDER[0], 600, PPO)),
     ),
     claims=(
         Claim("Lunar Lander, continuous", "own actions", "1% arbitrary actions", same=True),

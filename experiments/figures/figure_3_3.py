@@ -18,7 +18,7 @@ FIGURE = Figure(
     thesis="with the correction it uses a good advisor on Lunar Lander and Five Rooms, without it collapses; on Cart Pole both "
     "curves overlap.",
     panels=(
-        Panel("Lunar Lander", with_and_without_correction(LANDER, 1000, POLICY_GRADIENT), goal=200),
+        Panel("Lunar Lander", with_and_without_correction(LANDER, 600, POLICY_GRADIENT), goal=200),
         Panel("Five Rooms 14x12", with_and_without_correction(SMALL_ROOMS, 400, POLICY_GRADIENT), 20, goal=70),
         Panel("Cart Pole", with_and_without_correction(CART_POLE, 400, POLICY_GRADIENT), 20, goal=195),
     ),

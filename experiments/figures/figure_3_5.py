@@ -13,9 +13,9 @@ FIGURE = Figure(
         Panel(
             PANEL,
             {
-                ALONE: InProcess(LANDER[0], 1000, **POLICY_GRADIENT),
-                UNION: advised(LANDER, 1000, POLICY_GRADIENT, advice_method="union"),
-                INTERSECTION: advised(LANDER, 1000, POLICY_GRADIENT, advice_method="intersection"),
+                ALONE: InProcess(LANDER[0], 500, **POLICY_GRADIENT),
+                UNION: advised(LANDER, 500, POLICY_GRADIENT, advice_method="union"),
+                INTERSECTION: advised(LANDER, 500, POLICY_GRADIENT, advice_method="intersection"),
             },
             goal=200,
         ),
