@@ -93,7 +93,7 @@ class BDPI(OffPolicyAlgorithm):
         tensorboard_log: str | None = None,
         verbose: int = 0,
         seed: int | None = None,
-        device: th.device | str = "auto",
+        device: th.device | str = "cpu",  # the networks are computed in NumPy
         _init_setup_model: bool = True,
     ) -> None:
         super().__init__(
