@@ -117,3 +117,26 @@ def test_a_save_restores_what_is_advised(tmp_path: Path, algorithm: str) -> None
     before = advice_weights(station.algorithm.policy)
     with advised(tmp_path, algorithm, uid="second", parameters=parameters) as station:
         assert np.array_equal(advice_weights(station.algorithm.policy), before)
+
+
+SETTINGS: dict[str, dict[str, Any]] = {
+    "reward": {"advice_method": "shaping"},
+    "union": {"advice_method": "union"},
+    "reuse": {"advice_method": "reuse", "advisors": "best"},
+    "order": {"continuous_advice": "sampling", "advice_form": "deterministic", "last_word": "advisor"},
+    "all": {"advisors": "all"},
+}
+
+
+@EVERY
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_it_learns_under_every_setting(tmp_path: Path, algorithm: str, setting: str) -> None:
+    facts = SETTINGS["reuse" if setting == "union" and algorithm in ACTORS else setting]
+    with advised(tmp_path, algorithm, **facts) as station:
+        let_go = station.hold_learner()
+        for number in (2, 3):
+            station.peers.put(number, leaning(station))
+        let_go()
+        station.play(30)
+        station.wait_until(lambda: station.algorithm._n_updates > 0)
+        assert station.told("error") == []
