@@ -29,7 +29,7 @@ from agents_app.algorithms.advice import (
     shaping_reward,
 )
 from agents_app.algorithms.mixing import ADVISOR, LEARNER, REUSE, SHAPING, UNION, Mixing
-from tests.algorithms.test_advice import arrays, distributions, sizes
+from tests.algorithms.test_advice import SHARES, arrays, distributions, sizes
 
 N = 4
 METHODS = [
@@ -44,7 +44,6 @@ METHODS = [
 EVERY = pytest.mark.parametrize(
     "mixing", METHODS, ids=lambda mixing: f"{mixing.method} {mixing.psi} {mixing.last_word}"
 )
-PSI = st.floats(0, 1)
 BOX = spaces.Box(-1, 1, (3,), np.float32)
 
 
@@ -159,7 +158,7 @@ class TestIntersection:
 
 
 class TestReuse:
-    @given(arrays(N, -50, 50), distributions(N), PSI)
+    @given(arrays(N, -50, 50), distributions(N), SHARES)
     def test_it_is_equation_2_5(self, logits: np.ndarray, given_advice: np.ndarray, psi: float) -> None:
         expected = psi * given_advice + (1 - psi) * softmax(logits)
         assert softmax(reuse_logits(logits, given_advice, psi)) == pytest.approx(expected, abs=1e-5)
