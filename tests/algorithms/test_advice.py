@@ -28,7 +28,7 @@ from agents_app.algorithms.advice import (
 
 N = 4
 sizes = st.integers(1, 8)
-SHARES = st.floats(0, 1, allow_subnormal=False)  # BDPI has the processor take these for zero (bdpi.py)
+SHARES = st.floats(0, 1)
 
 
 def arrays(n: int, low: float, high: float) -> st.SearchStrategy[np.ndarray]:
