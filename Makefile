@@ -10,7 +10,7 @@ MODERN := import sys; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for python in python3 python3.13 python3.12 python3.11; do \
 	$$python -c '$(MODERN)' 2>/dev/null && echo $$python && break; done)
 CLIENTS := -e clients/python -e clients/environments
-WORKERS ?= 2
+WORKERS ?= $(shell echo $$(( $$(nproc) + 1 )))# one more than cores: tests that kill and restart mostly wait
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
