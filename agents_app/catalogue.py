@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin
@@ -17,6 +17,7 @@ from django.db import transaction
 
 from agents_app import catalogue_texts as texts
 from agents_app.algorithms.registry import ROWS, Row
+from agents_app.catalogue_cache import cached
 from agents_app.models import Algorithm, Parameter, ParameterType
 
 # Parameters of simple types that are the server's business, not the owner's. optimize_memory_usage is refused by SB3
@@ -46,8 +47,16 @@ class Entry:
 
 @cache
 def read_entries() -> dict[str, list[Entry]]:
-    """The parameters of each algorithm of the registry. Imports the algorithms, and so torch; reads them once."""
-    return {row.name: list(entries_of(row)) for row in ROWS}
+    """The parameters of each algorithm of the registry. Imports the algorithms, and so torch, unless they are known."""
+    return {name: [_from_json(entry) for entry in entries] for name, entries in cached(_read).items()}
+
+
+def _read() -> dict[str, list[dict[str, Any]]]:
+    return {row.name: [asdict(entry) for entry in entries_of(row)] for row in ROWS}
+
+
+def _from_json(entry: dict[str, Any]) -> Entry:
+    return Entry(**{**entry, "type": ParameterType(entry["type"])})
 
 
 def entries_of(row: Row) -> Iterator[Entry]:

@@ -13,6 +13,7 @@ import pytest
 from tests.servers import Server, running_server
 
 NEVER_SKIPPED_IN_CI = ("browser", "service")
+WAITING = {"faults", "serving", "training", "clients", "experiments"}  # folders
 
 
 @pytest.fixture(scope="session")
@@ -35,6 +36,11 @@ def _data_folder(request: pytest.FixtureRequest, tmp_path: Path) -> None:
     settings: Any = request.getfixturevalue("settings")
     settings.DATA_DIR = tmp_path / "data"
     settings.STATIC_ROOT, settings.LOG_DIR = settings.DATA_DIR / "static", settings.DATA_DIR / "logs"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that start and kill servers and mostly wait, so that no worker ends alone with one of them."""
+    items.sort(key=lambda item: not WAITING.intersection(item.path.parts))
 
 
 @pytest.hookimpl(wrapper=True)
