@@ -11,13 +11,13 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from shepherd_client import Client, Session, Unavailable
+from shepherd_client import Client, Session, TransientError, Unavailable
 
 from tests.faults.conftest import create_agents
 from tests.faults.disks import fill, small_disk
 from tests.faults.inside import HERE
 from tests.faults.players import playing
-from tests.servers import running_server
+from tests.servers import running_server, wait_for
 
 
 @pytest.fixture
@@ -42,10 +42,17 @@ def end_episodes_until_refused(session: Session) -> float:
     raise AssertionError("the disk is not full")
 
 
+def episode_return(session: Session) -> float | None:
+    """Of the episode that ends now; None while its end must be repeated."""
+    with suppress(TransientError):
+        return session.step(HERE, 1.0, terminated=True).episode_return
+    return None
+
+
 def test_steps_go_on_and_returns_wait_for_room(data: Path) -> None:
     with running_server(data, SHEPHERD_MIN_FREE_MB=1) as server:
         _, key = create_agents(server, {"full": {}})["full"]
-        with playing(server, key) as players, Client(key, server.url, patience=0.5) as client:
+        with playing(server, key) as players, Client(key, server.url, patience=5) as client:
             session = client.session()
             session.step(HERE)
             filler = fill(data)
@@ -57,4 +64,4 @@ def test_steps_go_on_and_returns_wait_for_room(data: Path) -> None:
                 client.session()
             filler.unlink()
             players.play_on()
-            assert session.step(HERE, 1.0, terminated=True).episode_return == refused
+            assert wait_for(lambda: episode_return(session), what="the end of the episode") == refused
