@@ -63,8 +63,10 @@ def test_values_outside_the_bounds_are_taken_since_bounds_are_often_guesses():
 
 
 def test_what_is_read_can_be_written_to_by_wrappers():
-    read(VECTOR, [1, 2, 3])[0] = 5
-    read(IMAGE, [[[0], [1]], [[2], [3]]])[0] = 5
+    vector, image = read(VECTOR, [1, 2, 3]), read(IMAGE, [[[0], [1]], [[2], [3]]])
+    vector[0] = image[0] = 5
+    assert vector.tolist() == [5, 2, 3]
+    assert image.tolist() == [[[5], [5]], [[2], [3]]]
 
 
 @pytest.mark.parametrize(

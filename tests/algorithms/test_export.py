@@ -150,9 +150,12 @@ def test_its_probabilities_are_those_of_the_actor(name: str, loaded: Loaded) -> 
 class TestRestore:
     def test_its_pickles_are_never_read(self, tmp_path: Path) -> None:
         spec, path = make_spec(), tmp_path / "model.zip"
-        export(built(spec), spec, path)
+        saved, other = built(spec), built(spec, 2)
+        export(saved, spec, path)
         spoil(path, "data", b"no JSON, and no pickle")
-        restore(built(spec, 2), path)
+        restore(other, path)
+        for ours, theirs in zip(other.policy.parameters(), saved.policy.parameters(), strict=True):
+            assert th.equal(ours, theirs)
 
     def test_another_network_is_refused(self, tmp_path: Path) -> None:
         spec, path = make_spec(), tmp_path / "model.zip"

@@ -40,7 +40,8 @@ def test_observations_of_real_environments_fit_their_notes(name: str) -> None:
     env = gymnasium.make(name)
     obs, _ = env.reset(seed=1)
     sent = to_wire(env.observation_space, obs)
-    read_observation(parse_space(spaces_of(env).observation_space), getattr(sent, "tolist", lambda: sent)())
+    read = read_observation(parse_space(spaces_of(env).observation_space), getattr(sent, "tolist", lambda: sent)())
+    np.testing.assert_array_equal(read, obs)
 
 
 def test_infinite_bounds_become_large_ones() -> None:

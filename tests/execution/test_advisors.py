@@ -273,8 +273,9 @@ def test_every_method_acts_and_learns(
     with Station(tmp_path, algorithm=algorithm, observations=OBSERVATIONS[kind], actions=actions, **facts) as station:
         station.peers.put(2, leaning(station, 1, 3.0), 1.0)
         station.peers.put(3, leaning(station, 0, 1.0), 2.0)
-        station.play(70)
+        assert {answer["k"] for answer in station.play(70)} == {"answer"}
         station.wait_until(lambda: station.algorithm._n_updates > 0)
+        assert station.told("error") == []
 
 
 class TestShaping:

@@ -6,7 +6,7 @@ import threading
 import time
 from pathlib import Path
 
-from envs_app.execution.turns import Turns
+from envs_app.execution.turns import PATIENCE, Turns
 
 
 def test_as_many_train_at_once_as_may(tmp_path: Path) -> None:
@@ -32,6 +32,10 @@ def test_an_update_that_takes_minutes_keeps_nobody_waiting_so_long(tmp_path: Pat
 
 
 def test_without_a_folder_there_are_no_turns(tmp_path: Path) -> None:
-    turns = Turns(tmp_path / "missing", 1)
-    turns.take()
-    turns.give_back()
+    one, other = (Turns(tmp_path / "missing", 1) for _ in range(2))
+    before = time.monotonic()
+    one.take()
+    other.take()  # there is one turn, and nobody waits for it
+    assert time.monotonic() - before < PATIENCE
+    one.give_back()
+    other.give_back()
