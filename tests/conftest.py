@@ -11,8 +11,10 @@ from typing import Any
 import pytest
 
 from tests.servers import Server, running_server
+from tests.services import PostgresServer, RedisServer, fresh_database, running
 
 NEVER_SKIPPED_IN_CI = ("browser", "service")
+SERVICES = {"postgres_url", "postgres_server", "redis_server"}  # fixtures; whoever takes one is marked as `service`
 WAITING = {"faults", "serving", "training", "clients", "experiments"}  # folders
 
 
@@ -30,6 +32,27 @@ def make_server() -> Iterator[Callable[..., Server]]:
         yield lambda **environment: stack.enter_context(running_server(**environment))
 
 
+@pytest.fixture
+def postgres_url() -> Iterator[str]:
+    """The DATABASE_URL of an empty database in PostgreSQL."""
+    with fresh_database() as url:
+        yield url
+
+
+@pytest.fixture
+def postgres_server() -> Iterator[PostgresServer]:
+    """A PostgreSQL that this test may kill, pause and start again."""
+    with running(PostgresServer()) as postgres:
+        yield postgres
+
+
+@pytest.fixture
+def redis_server() -> Iterator[RedisServer]:
+    """A Redis that this test may kill, pause, flush and start again."""
+    with running(RedisServer()) as redis:
+        yield redis
+
+
 @pytest.fixture(autouse=True)
 def _data_folder(request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """Keep tests inside this process away from the developer's own data folder."""
@@ -39,7 +62,13 @@ def _data_folder(request: pytest.FixtureRequest, tmp_path: Path) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that start and kill servers and mostly wait, so that no worker ends alone with one of them."""
+    """Mark who needs a service, and begin with the files that start and kill servers and mostly wait.
+
+    So no worker ends alone with one of them.
+    """
+    for item in items:
+        if SERVICES.intersection(getattr(item, "fixturenames", ())):
+            item.add_marker("service")
     items.sort(key=lambda item: not WAITING.intersection(item.path.parts))
 
 
