@@ -4,6 +4,7 @@ import os
 import secrets
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import dj_database_url
 from django.core.exceptions import ImproperlyConfigured
@@ -62,6 +63,28 @@ def database(name: str, default: str) -> dict[str, Any]:
             f"{name} cannot be read: write it like postgres://user:password@host/name."
         ) from None
     return dict(settings)
+
+
+def pool(size: int) -> dict[str, Any]:
+    """psycopg_pool's settings: at most so many connections of one process, and how long a thread waits for one."""
+    return {"min_size": 0, "max_size": size, "timeout": 5.0}
+
+
+def redis(name: str) -> str:
+    """The variable as the address of a Redis server; empty: there is none. Raises ImproperlyConfigured if it is no address."""
+    value = os.environ.get(name, "")
+    if value and urlsplit(value).scheme not in ("redis", "rediss", "unix"):
+        raise ImproperlyConfigured(f"{name} cannot be read: write it like redis://:password@host:6379/0.")
+    return value
+
+
+def cache(redis_url: str) -> dict[str, Any]:
+    """Django's settings of a cache: all machines share the one in Redis; without Redis each process has its own."""
+    if not redis_url:
+        return {"BACKEND": "django.core.cache.backends.locmem.LocMemCache"}
+    options = {"socket_timeout": 2.0, "socket_connect_timeout": 2.0}
+    backend = "django.core.cache.backends.redis.RedisCache"
+    return {"BACKEND": backend, "LOCATION": redis_url, "KEY_PREFIX": "shepherd:cache", "OPTIONS": options}
 
 
 def secret(name: str, folder: Path) -> str:

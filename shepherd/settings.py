@@ -66,7 +66,15 @@ if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
         "transaction_mode": "IMMEDIATE",
         "init_command": "PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; PRAGMA foreign_keys=ON;",
     }
+else:  # a web process has more threads than a database takes connections: those at work share a few
+    DATABASES["default"] |= {
+        "CONN_MAX_AGE": 0,
+        "OPTIONS": {"pool": env.pool(env.integer("SHEPHERD_DATABASE_POOL", 8, 1))},
+    }
 DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
+
+REDIS_URL = env.redis("REDIS_URL")
+CACHES = {"default": env.cache(REDIS_URL)}
 
 AUTH_USER_MODEL = "agents_app.User"
 LANGUAGE_CODE = "en-us"
