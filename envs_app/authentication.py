@@ -16,7 +16,8 @@ from rest_framework.request import Request
 
 from agents_app.models import APIKey, User, hash_key
 from envs_app.errors import Forbidden, InvalidApiKey, Throttled
-from envs_app.requests import address_of, read_bearer
+from envs_app.guards import guard_of
+from envs_app.requests import Caller, read_bearer
 
 log = structlog.get_logger("shepherd.http")
 
@@ -51,15 +52,17 @@ class FailedLogins:
 failed_logins = FailedLogins()
 
 
-def find_api_key(secret: str | None, address: str) -> APIKey:
-    """The key with its agent, noted as used. Raises InvalidApiKey, or Throttled after many wrong ones."""
+def find_api_key(secret: str | None, caller: Caller) -> APIKey:
+    """The key with its agent, noted as used. Raises InvalidApiKey, Throttled after many wrong ones, or Forbidden."""
     key = _look_up(secret) if secret else None
     if key is None:
-        failed_logins.add(address)
-        log.info("wrong API key", address=address)
+        failed_logins.add(caller.address)
+        log.info("wrong API key", address=caller.address)
         raise InvalidApiKey(
             "The API key is unknown, revoked or expired; send a valid one as 'Authorization: Bearer <API key>'."
         )
+    if guard := guard_of(key):
+        guard.admit(caller)
     _note_use(key)
     return key
 
@@ -69,7 +72,7 @@ class ApiKeyAuthentication(BaseAuthentication):
 
     def authenticate(self, request: Request) -> tuple[User, APIKey]:
         """The owner and the key."""
-        key = find_api_key(read_bearer(request._request), address_of(request._request))
+        key = find_api_key(read_bearer(request._request), Caller(request._request))
         return key.agent.owner, key
 
 

@@ -3,7 +3,7 @@
 ShepherdError
 ├── InvalidApiKey        401  log in with a valid API key
 ├── UnknownSession       401  log in again
-├── Forbidden            403  use a key with the scope that is needed
+├── Forbidden            403  use a key with the scope that is needed, from one of its pages
 ├── NotFound             404  mend the address
 ├── MethodNotAllowed     405  use another method
 ├── RequestTooLarge      413  send less at once

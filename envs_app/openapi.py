@@ -99,7 +99,11 @@ STATUS = _object(["status"], {"status": {"type": "string"}})
 
 COMPONENTS = {
     "securitySchemes": {
-        "apiKey": {"type": "http", "scheme": "bearer", "description": "An API key (sk_...), made in the admin."},
+        "apiKey": {
+            "type": "http",
+            "scheme": "bearer",
+            "description": "An API key (sk_..., pk_...), made in the admin.",
+        },
         "sessionKey": {"type": "http", "scheme": "bearer", "description": "A session key, from POST /api/v1/sessions."},
     },
     "schemas": {"Problem": PROBLEM, "Step": STEP_REQUEST, "Reply": STEP_REPLY, "LegacyError": LEGACY_ERROR},
@@ -121,8 +125,10 @@ ALWAYS = (errors.MethodNotAllowed(), errors.Unavailable(), errors.InternalError(
 BODY = (errors.InvalidRequest("The request lacks terminated; its keys are ..."), errors.RequestTooLarge())
 API_KEY = (errors.InvalidApiKey(), errors.Throttled(retry_after=42.5))
 SESSION_KEY = (errors.UnknownSession(),)
+ORIGIN = errors.Forbidden("This publishable key was used from a page of https://example.org; it works only in ...")
 START = (errors.QuotaExceeded(retry_after=1.25), errors.NoCapacity(retry_after=2.0))
 STEP = (
+    ORIGIN,
     errors.InvalidObservation("obs[3] is nan; a finite number is expected."),
     errors.InvalidReward("reward is null; a finite number is expected."),
     errors.StepPending(),
@@ -199,7 +205,7 @@ open_session = extend_schema(
         201: OpenApiResponse(
             SessionSerializer, "The session; its key is shown only here.", [OpenApiExample("A session", SESSION_REPLY)]
         ),
-        **_refusals(*BODY, *API_KEY),
+        **_refusals(*BODY, *API_KEY, ORIGIN),
     },
 )
 close_session = extend_schema(
@@ -249,7 +255,7 @@ legacy_login = extend_schema(
     request={"application/json": _object(["apikey"], {"apikey": {"type": "string"}}, strict=False)},
     responses={
         200: _object(["ok", "session_key"], {"ok": {"const": True}, "session_key": {"type": "string"}}),
-        **_refusals(*BODY, *API_KEY, legacy=True),
+        **_refusals(*BODY, *API_KEY, ORIGIN, legacy=True),
     },
     examples=[_example("Log in", {"apikey": "sk_..."})],
 )

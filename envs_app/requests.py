@@ -1,4 +1,4 @@
-"""Reading a request: its bearer key and its JSON body, whatever content type it claims."""
+"""Reading a request: who asks, its bearer key, and its JSON body, whatever content type it claims."""
 
 from __future__ import annotations
 
@@ -27,6 +27,30 @@ def read_object(request: HttpRequest) -> dict[str, Any]:
     if type(value) is not dict:
         raise InvalidRequest("The body must be a JSON object, such as {...}.")
     return value
+
+
+class Caller:
+    """Who asks, read from a request only when it is asked for: most keys do not want to know."""
+
+    __slots__ = ("_request",)
+
+    def __init__(self, request: HttpRequest) -> None:
+        self._request = request
+
+    @property
+    def origin(self) -> str:
+        """The origin of the page that asks, as its browser says; '' when no browser does."""
+        return self._request.META.get("HTTP_ORIGIN", "").lower()
+
+    @property
+    def host(self) -> str:
+        """The host and port by which this server was asked."""
+        return self._request.get_host().lower()
+
+    @property
+    def address(self) -> str:
+        """The network address."""
+        return address_of(self._request)
 
 
 def address_of(request: HttpRequest) -> str:

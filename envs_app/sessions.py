@@ -29,8 +29,10 @@ from agents_app.models import Agent, APIKey, EpisodeReturn, Execution, Session, 
 from agents_app.spaces import parse_space
 from envs_app.errors import ExecutionLost, InvalidRequest, NoCapacity, ShepherdError, UnknownSession, from_code
 from envs_app.executions import places, record_launch
+from envs_app.guards import Guard, guard_of
 from envs_app.messages import Message, encode_observation
 from envs_app.observations import read_advice, read_mask, read_observation, read_reward
+from envs_app.requests import Caller
 from envs_app.steps import Reply, Step
 from envs_app.transports.base import Address, Claim
 from envs_app.transports.choice import get_transport
@@ -62,6 +64,7 @@ class Handle:
     advised_actions: spaces.Space | None  # the action space, if the agent takes advice
     max_executions: int
     sessions_per_execution: int
+    guard: Guard | None  # of the API key
     checked_at: float
     address: Address | None = None
 
@@ -153,6 +156,7 @@ def load(key_hash: str) -> Handle:
         advised_actions=parse_space(agent.action_space) if advised else None,
         max_executions=agent.max_executions,
         sessions_per_execution=places(agent),
+        guard=guard_of(session.api_key),
         checked_at=time.monotonic(),
     )
 
@@ -182,9 +186,11 @@ def close_session(session_key: str) -> None:
     log.info("session closed", session=handle.session, agent=handle.agent)
 
 
-def step(session_key: str, step: Step) -> Reply:
+def step(session_key: str, step: Step, caller: Caller) -> Reply:
     """Give the agent an observation and get its action. Raises ShepherdError; the same step may then be repeated."""
     handle = handles.get(session_key)
+    if handle.guard is not None:
+        handle.guard.admit(caller)
     answer = _send(handle, _message(handle, step))
     if answer["k"] == "error":
         raise from_code(answer["code"], answer["detail"], answer["retry_after"])

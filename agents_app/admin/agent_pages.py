@@ -29,6 +29,7 @@ from django.utils.cache import add_never_cache_headers
 from django.utils.text import slugify
 
 from agents_app import curves, services
+from agents_app.admin.key_form import KeyForm
 from agents_app.fleet import get_fleet
 from agents_app.models import Agent, APIKey, ExecutionError, Run
 
@@ -200,9 +201,10 @@ class AgentPages:
         agent = self.agent_of(request, object_id)
         if request.method != "POST":
             return HttpResponseNotAllowed(["POST"])
-        scope = request.POST.get("scope", "")
-        scope = scope if scope in APIKey.Scope.values else APIKey.Scope.MANAGE
-        key, secret = APIKey.issue(agent, request.POST.get("name", "")[:100], scope)
+        form = KeyForm(request.POST)
+        if not form.is_valid():
+            return back(request, agent, f"No key was made. {form.sentences()}")
+        key, secret = form.issue(agent)
         self.log_change(request, agent, f"API key {key} made")  # type: ignore[attr-defined]
         server = request.build_absolute_uri("/").rstrip("/")
         return self.page(request, agent, "key_made", key=key, secret=secret, server=server, title="A new API key")
@@ -237,7 +239,7 @@ def live_context(request: HttpRequest, agent: Agent) -> dict[str, Any]:
         "run": run,
         "runs": agent.runs.order_by("-number"),
         "keys": agent.api_keys.order_by("revoked_at", "-created_at")[:50],
-        "scopes": APIKey.Scope.choices,
+        "key_form": KeyForm(),
         "toggle": "evaluate" if agent.enable_learning else "learn",
         "toggle_action": ACTIONS["evaluate" if agent.enable_learning else "learn"],
         "actions_shown": [(name, ACTIONS[name]) for name in ALWAYS_SHOWN],

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from django.contrib import admin, messages
 from django.db.models import QuerySet
 from django.http import HttpRequest
@@ -17,12 +19,13 @@ class APIKeyAdmin(ReadOnlyAdmin):
     """All keys of all one's agents."""
 
     owner_path = "agent__owner"
-    list_display = ("prefix", "name", "agent", "scope", "state", "created_at", "last_used_at", "expires_at")
+    list_display = ("prefix", "name", "agent", "kind", "state", "created_at", "last_used_at", "expires_at")
     list_filter = ("scope", ("revoked_at", admin.EmptyFieldListFilter))
     list_select_related = ("agent",)
     search_fields = ("name", "prefix", "agent__name")
-    fields = ("agent", "name", "prefix", "scope", "state", "created_at", "last_used_at", "expires_at", "revoked_at")
-    readonly_fields = ("state",)
+    fields: Any = ("agent", "name", "prefix", "kind", "published", "state", "created_at", "last_used_at", "expires_at")
+    fields += ("revoked_at",)
+    readonly_fields = ("kind", "published", "state")
     actions = ["revoke"]
 
     @admin.action(description="Revoke: no client gets in with them any more")
@@ -31,6 +34,11 @@ class APIKeyAdmin(ReadOnlyAdmin):
         for key in keys:
             services.revoke_key(key)
         messages.success(request, f"{len(keys)} revoked.")
+
+    @display(description="Scope", ordering="scope")
+    def kind(self, key: APIKey) -> str:
+        """What it may do, and from where."""
+        return key.describe_scope()
 
     @display(description="State", label={"valid": "success", "revoked": "danger", "expired": "warning"})
     def state(self, key: APIKey) -> str:

@@ -7,7 +7,7 @@ from django.http import HttpRequest, HttpResponse
 from envs_app import openapi
 from envs_app.authentication import find_api_key
 from envs_app.renderers import json_response
-from envs_app.requests import address_of, read_object
+from envs_app.requests import Caller, read_object
 from envs_app.serializers import read_legacy_step, read_text
 from envs_app.sessions import close_session, open_session
 from envs_app.views.slim import SlimView
@@ -20,7 +20,7 @@ class LoginView(SlimView):
     @openapi.legacy_login
     def post(self, request: HttpRequest) -> HttpResponse:
         """Open a session with the agent of the API key."""
-        api_key = find_api_key(read_text(read_object(request), "apikey"), address_of(request))
+        api_key = find_api_key(read_text(read_object(request), "apikey"), Caller(request))
         _, session_key = open_session(api_key)
         return json_response({"ok": True, "session_key": session_key})
 
@@ -37,4 +37,4 @@ class EnvView(SlimView):
         if step.obs is None:
             close_session(session_key)
             return json_response({"action": None})
-        return json_response({"action": timed_step(session_key, step).action})
+        return json_response({"action": timed_step(session_key, step, Caller(request)).action})

@@ -11,18 +11,18 @@ from envs_app.errors import UnknownSession
 from envs_app.metrics import observe_step
 from envs_app.problems import refusal_of
 from envs_app.renderers import json_response
-from envs_app.requests import read_bearer, read_object
+from envs_app.requests import Caller, read_bearer, read_object
 from envs_app.serializers import read_step, write_reply
 from envs_app.sessions import handles, step
 from envs_app.steps import Reply, Step
 from envs_app.views.slim import SlimView
 
 
-def timed_step(session_key: str, what: Step) -> Reply:
+def timed_step(session_key: str, what: Step, caller: Caller) -> Reply:
     """Step, and count it with what came of it."""
     started, code = perf_counter(), "ok"
     try:
-        return step(session_key, what)
+        return step(session_key, what, caller)
     except Exception as error:
         code = refusal_of(error).code
         error.whereabouts = handles.whereabouts(session_key)  # type: ignore[attr-defined]  # for the log
@@ -40,4 +40,5 @@ class StepView(SlimView):
         session_key = read_bearer(request)
         if session_key is None:
             raise UnknownSession("Send the session key as 'Authorization: Bearer <session key>'.")
-        return json_response(write_reply(timed_step(session_key, read_step(read_object(request)))))
+        reply = timed_step(session_key, read_step(read_object(request)), Caller(request))
+        return json_response(write_reply(reply))

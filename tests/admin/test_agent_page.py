@@ -4,10 +4,12 @@ import csv
 import io
 import re
 import zipfile
+from datetime import timedelta
 
 import pytest
 from django.test import Client
 from django.urls import reverse
+from django.utils import timezone
 
 from agents_app.admin.agents import ADVICE, AgentAdmin, advice_fields
 from agents_app.models import Agent, Algorithm, APIKey, EpisodeReturn, Parameter, hash_key
@@ -316,6 +318,41 @@ def test_a_key_is_shown_once(client, agent):
     assert (key.agent, key.name, key.scope) == (agent, "lab", "step")
     for address in (url(agent), url(agent, "history"), reverse("admin:agents_app_apikey_changelist")):
         assert secret not in client.get(address).content.decode()
+
+
+def test_a_publishable_key_stays_readable(client, agent):
+    made = client.post(
+        url(agent, "make_key_view"), {"scope": "publishable", "origins": "https://a.example, http://b.example/"}
+    )
+    key = APIKey.objects.get(hash=hash_key(made.context["secret"]))
+    assert (key.scope, key.origins) == ("step", ["https://a.example", "http://b.example"])
+    assert b"https://a.example" in made.content
+    for address in (url(agent), reverse("admin:agents_app_apikey_change", args=[key.pk])):
+        page = client.get(address).content.decode()
+        assert key.published in page
+        assert "publishable https://a.example http://b.example" in page
+
+
+def test_a_key_may_expire(client, agent):
+    client.post(url(agent, "make_key_view"), {"name": "for a course", "scope": "step", "days": "7"})
+    left = APIKey.objects.get(name="for a course").expires_at - timezone.now()
+    assert timedelta(days=6, hours=23) < left < timedelta(days=7)
+
+
+@pytest.mark.parametrize(
+    ("data", "sentence"),
+    [
+        ({"scope": "publishable", "origins": "example.org"}, "is no origin"),
+        ({"scope": "manage", "origins": "https://example.org"}, "Only publishable keys"),
+        ({"scope": "all"}, "not one of the available choices"),
+        ({"scope": "step", "days": "0"}, "greater than or equal to 1"),
+    ],
+)
+def test_a_key_that_makes_no_sense_is_not_made(client, agent, data, sentence):
+    page = client.post(url(agent, "make_key_view"), data, follow=True).content.decode()
+    assert "No key was made" in page
+    assert sentence in page
+    assert agent.api_keys.count() == 1
 
 
 def test_a_revoked_key_closes_its_sessions(client, agent):

@@ -32,6 +32,15 @@ def test_it_prints_the_agent_and_a_key_that_opens_it():
     assert not agent.owner.has_usable_password()
 
 
+def test_it_makes_a_publishable_key_when_it_is_asked_to():
+    assert "publishable_key" not in run()
+    own = run("--publishable", name="own pages")
+    assert APIKey.objects.get(published=own["publishable_key"]).origins == []
+    other = run("--origin=https://example.org", "--origin=http://localhost:5000/", name="other pages")
+    key = APIKey.objects.get(published=other["publishable_key"])
+    assert (str(key.agent_id), key.origins) == (other["id"], ["https://example.org", "http://localhost:5000"])
+
+
 def test_it_sets_parameters_advice_and_other_fields():
     printed = run(
         "--parameter=gamma=0.9",
@@ -69,6 +78,7 @@ def test_every_advice_method_can_be_chosen(method):
         (["--parameter=gamma=2"], {}, "write 1 or less"),
         (["--parameter=gamma"], {}, "write NAME=VALUE"),
         (["--set=colour=red"], {}, "is no field"),
+        (["--origin=example.org"], {}, "is no origin"),
         (["--set=rho=2"], {}, "less than or equal to 1"),
         (["--set=max_executions=many"], {}, "must be an integer"),
     ],

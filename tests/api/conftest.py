@@ -14,6 +14,7 @@ from django.test import Client
 from agents_app.fleet import get_fleet
 from agents_app.models import Agent, APIKey
 from envs_app.authentication import failed_logins
+from envs_app.requests import Caller
 from envs_app.steps import Reply, Step
 from tests.agents.makers import RecordingFleet, make_agent
 
@@ -58,7 +59,7 @@ class Core:
     answer: Callable[[str, Step], Reply] | Exception = field(default=lambda key, step: Reply(2, step.seq or 1))
     steps: list[tuple[str, Step]] = field(default_factory=list)
 
-    def __call__(self, session_key: str, step: Step) -> Reply:
+    def __call__(self, session_key: str, step: Step, caller: Caller) -> Reply:
         self.steps.append((session_key, step))
         if isinstance(self.answer, Exception):
             raise self.answer

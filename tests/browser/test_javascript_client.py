@@ -105,3 +105,18 @@ def test_lost_replies_and_requests_to_wait_do_no_harm(
         assert not proxy.faults
     assert "error" not in seen, seen
     assert (seen["total"], seen["seq"]) == (3, 3)
+
+
+def test_a_publishable_key_works_in_its_page_and_in_no_other(
+    browser: webdriver.Chrome, page: str, server: Server
+) -> None:
+    own = page.rstrip("/")
+    spaces = ("--action-space=2", "--observation-space=[[4], -1, 1]")
+    made = [
+        json.loads(server.manage("create_agent", "--owner=web", f"--name={name}", "--algorithm=PPO", *spaces, *origin))
+        for name, origin in (("page", [f"--origin={own}"]), ("another page", ["--origin=https://example.org"]))
+    ]
+    seen = play(browser, page, made[0]["publishable_key"], server.url)
+    assert "error" not in seen, seen
+    assert (seen["origin"], seen["total"]) == (own, 3)
+    assert "Forbidden" in play(browser, page, made[1]["publishable_key"], server.url)["error"]

@@ -13,14 +13,15 @@ from django.db.models import BooleanField
 
 from agents_app import services
 from agents_app.models import Agent, Algorithm, APIKey, User
+from agents_app.origins import read_origins
 
 SETTABLE = {field.name: field for field in Agent._meta.fields if field.editable and not field.is_relation}
 
 
 class Command(BaseCommand):
-    """Make an agent, and its owner if there is none of that name; print its id and a new API key as JSON."""
+    """Make an agent, and its owner if there is none of that name; print its id and new API keys as JSON."""
 
-    help = 'Make an agent and print {"id", "name", "api_key"}. The key is shown this once.'
+    help = 'Make an agent and print {"id", "name", "api_key"} (the key is shown this once) and any "publishable_key".'
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         """The agent's fields; --set and --parameter for the rarer ones."""
@@ -35,20 +36,22 @@ class Command(BaseCommand):
         parser.add_argument("--advice", choices=Agent.AdviceMethod.values, help=f"advice method {default}")
         parser.add_argument("--no-learning-correction", action="store_true", help="learn as if there were no advice")
         parser.add_argument("--rho", type=float, help="influence of the advice, 0 to 1 (default: 1)")
+        parser.add_argument("--publishable", action="store_true", help="also make a key for web pages of this server")
+        parser.add_argument("--origin", action="append", default=[], help="and of this origin: https://example.org")
         parser.add_argument("--set", action="append", default=[], metavar="FIELD=VALUE", help="any other agent field")
 
     def handle(self, **options: Any) -> None:
         """Check everything first; nothing is made of what is wrong."""
         try:
-            agent, secret = make(options)
+            made = make(options)
         except ValidationError as error:
             raise CommandError("\n".join(sentences(error))) from None
-        self.stdout.write(json.dumps({"id": str(agent.pk), "name": agent.name, "api_key": secret}))
+        self.stdout.write(json.dumps(made))
 
 
 @transaction.atomic
-def make(options: dict[str, Any]) -> tuple[Agent, str]:
-    """The agent and its key. Raises ValidationError."""
+def make(options: dict[str, Any]) -> dict[str, str]:
+    """The agent and its keys, as they are printed. Raises ValidationError."""
     algorithm = Algorithm.objects.filter(name=options["algorithm"], listed=True).first()
     if algorithm is None:
         names = ", ".join(Algorithm.objects.filter(listed=True).values_list("name", flat=True))
@@ -58,7 +61,11 @@ def make(options: dict[str, Any]) -> tuple[Agent, str]:
     values = {name: services.parse_value(known[name], text) if name in known else text for name, text in texts.items()}
     owner = User.objects.filter(name=options["owner"]).first() or User.objects.create_user(options["owner"])
     agent = services.create_agent(owner, fields_of(options) | {"algorithm": algorithm}, values)
-    return agent, APIKey.issue(agent, name="create_agent")[1]
+    made = {"id": str(agent.pk), "name": agent.name, "api_key": APIKey.issue(agent, name="create_agent")[1]}
+    if options["publishable"] or options["origin"]:
+        origins = read_origins(options["origin"])
+        made["publishable_key"] = APIKey.issue(agent, name="create_agent", publishable=True, origins=origins)[1]
+    return made
 
 
 def fields_of(options: dict[str, Any]) -> dict[str, Any]:
