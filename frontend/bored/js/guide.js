@@ -8,7 +8,9 @@
  * a lost connection loses no answer; the client's `seq` makes repeating harmless.
  */
 
-import { InvalidObservation, InvalidRequest, SequenceGap, TransientError, UnknownSession } from "../vendor/shepherd-client.js";
+import {
+  InvalidObservation, InvalidRequest, SequenceGap, ShepherdError, TransientError, UnknownSession,
+} from "../vendor/shepherd-client.js";
 
 /** @typedef {import("./store.js").Seat} Seat */
 
@@ -18,6 +20,8 @@ const LOST = [UnknownSession, SequenceGap, InvalidObservation, InvalidRequest]; 
 export class Guide {
   /** @type {Promise<unknown>} */
   #last = Promise.resolve();
+  /** Key of the seat whose answer is held back for now. @type {string | null} */
+  held = null;
 
   /**
    * @param {import("../vendor/shepherd-client.js").Client} client
@@ -29,16 +33,14 @@ export class Guide {
   }
 
   /**
-   * Ask for a place. Answers that wait are sent first, except to the suggestion that may still be taken back. Raises what
-   * the client raises.
+   * Ask for a place; answers that wait, and are not held back, are sent first. Throws what the client throws.
    * @param {number[]} obs
    * @param {boolean[]} mask
-   * @param {string | null} held key of the seat whose answer is held back
    * @returns {Promise<{action: number, session: string}>} the place's number, and the key of the seat that decided
    */
-  suggest(obs, mask, held) {
+  suggest(obs, mask) {
     return this.#alone(async () => {
-      await this.#settle(held);
+      await this.#settle();
       try {
         return await this.#ask(obs, mask);
       } catch (error) {
@@ -57,28 +59,32 @@ export class Guide {
     this.#update(session, { answer });
   }
 
-  /** Send the answers that wait. Returns whether all have arrived. */
+  /** Send the answers that wait and are not held back. Returns whether they have arrived. */
   settle() {
     return this.#alone(async () => {
       try {
-        await this.#settle(null);
+        await this.#settle();
         return true;
       } catch (error) {
-        if (error instanceof TransientError) return false;
+        if (error instanceof ShepherdError) return false; // they wait for the next time
         throw error;
       }
     });
   }
 
-  /** Close all sessions at the server; what could not be closed is kept and tried again. Returns whether all are closed. */
+  /** Close all sessions at the server. Returns whether that was possible; if not, `sweep()` tries again. */
   leave() {
+    this.store.change((memory) => {
+      memory.closing.push(...memory.seats.map(({ key }) => key));
+      memory.seats = [];
+    });
+    return this.sweep();
+  }
+
+  /** Close the sessions that nobody uses any more. Returns whether all are closed. */
+  sweep() {
     return this.#alone(async () => {
-      this.store.change((memory) => {
-        memory.closing.push(...memory.seats.map(({ key }) => key));
-        memory.seats = [];
-      });
-      const keys = this.store.read().closing;
-      const left = await Promise.all(keys.map((key) => this.#close(key)));
+      const left = await Promise.all(this.store.read().closing.map((key) => this.#close(key)));
       this.store.change((memory) => {
         memory.closing = left.filter((key) => key !== null);
       });
@@ -121,10 +127,9 @@ export class Guide {
     return seat;
   }
 
-  /** @param {string | null} held */
-  async #settle(held) {
+  async #settle() {
     for (const seat of this.store.read().seats) {
-      if (seat.obs === null || seat.answer === null || seat.key === held) continue;
+      if (seat.obs === null || seat.answer === null || seat.key === this.held) continue;
       try {
         await this.#step(seat, seat.obs, { reward: seat.answer, terminated: true });
         this.#update(seat.key, { obs: null, answer: null });

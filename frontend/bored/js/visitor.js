@@ -46,6 +46,7 @@ export class Visitor {
 
   /** @returns {Promise<Suggestion>} */
   async next() {
+    if (this.#retractable?.verdict === "loved") this.#hold(null);
     const waiting = this.#takeWaiting();
     if (waiting) return waiting;
     const now = this.clock();
@@ -79,7 +80,7 @@ export class Visitor {
   undo() {
     const suggestion = this.#retractable;
     if (!suggestion) return false;
-    this.#retractable = null;
+    this.#hold(null);
     this.guide?.answer(suggestion.session, null);
     this.store.change((memory) => {
       if (memory.current && memory.current.id !== suggestion.id) memory.waiting = memory.current;
@@ -91,7 +92,7 @@ export class Visitor {
 
   /** From now on the last decision cannot be taken back: send what waits. Returns whether all has arrived. */
   async settle() {
-    this.#retractable = null;
+    this.#hold(null);
     return (await this.guide?.settle()) ?? true;
   }
 
@@ -109,7 +110,7 @@ export class Visitor {
 
   /** Delete all that is known of this visitor, here and at the server. Returns whether the server could be told. */
   async forget() {
-    this.#retractable = null;
+    this.#hold(null);
     this.whereabouts.stop();
     const told = (await this.guide?.leave()) ?? true;
     const { closing } = this.store.read();
@@ -125,8 +126,14 @@ export class Visitor {
     const decided = { ...current, verdict };
     this.store.change((memory) => void (memory.current = decided));
     if (verdict === "loved") this.keep(current.id, true);
+    this.#hold(decided);
     this.guide?.answer(current.session, verdict === "loved" ? 1 : 0);
+  }
+
+  /** @param {Suggestion | null} decided whose answer is not sent yet */
+  #hold(decided) {
     this.#retractable = decided;
+    if (this.guide) this.guide.held = decided?.session ?? null;
   }
 
   #takeWaiting() {
@@ -167,8 +174,7 @@ export class Visitor {
    */
   async #choose(obs, mask, here) {
     try {
-      const held = this.#retractable?.verdict === "dismissed" ? this.#retractable.session : null;
-      const decision = await this.guide?.suggest(obs, mask, held);
+      const decision = await this.guide?.suggest(obs, mask);
       if (decision && this.places.list[decision.action]) return { number: decision.action, session: decision.session };
     } catch (error) {
       if (!(error instanceof ShepherdError)) throw error;

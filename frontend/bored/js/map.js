@@ -1,0 +1,173 @@
+// @ts-check
+/** The map: Leaflet with our drawing, the tiles of a map server above it where there is one, and what is shown on both. */
+
+import { BOX } from "./contract.js";
+import { draw } from "./drawing.js";
+import { icon, pin } from "./icons.js";
+
+/** @typedef {import("./contract.js").Point} Point */
+/** @typedef {import("./places.js").Place} Place */
+/** @typedef {{url: string, attribution: string}} Tiles */
+
+const { L } = /** @type {{L: typeof import("leaflet")}} */ (/** @type {unknown} */ (globalThis));
+const EQUATOR = 40_075_016; // metres around it
+const TILE = 256; // pixels
+const MARGIN = 0.004; // degrees around the box into which one may drag the map
+const BAD_TILES = 3; // after which the map server is taken for unreachable
+const NEAR = 17; // zoom
+const STILL = matchMedia("(prefers-reduced-motion: reduce)");
+
+export class CityMap {
+  /** @type {import("leaflet").SVGOverlay | null} */
+  #drawing = null;
+  #resize = (/** @type {number} */ _metresPerPixel) => {};
+  /** @type {import("leaflet").Marker | null} */
+  #visitor = null;
+
+  /**
+   * @param {HTMLElement} where
+   * @param {Tiles | null} tiles
+   */
+  constructor(where, tiles) {
+    const bounds = L.latLngBounds(BOX);
+    this.map = L.map(where, {
+      zoomControl: false, minZoom: 13, maxZoom: 19, zoomSnap: 0.25, maxBounds: bounds.pad(0.6), maxBoundsViscosity: 0.8,
+    });
+    this.map.attributionControl.setPrefix('<a href="https://leafletjs.com">Leaflet</a>');
+    this.map.setView(bounds.getCenter(), 15.5);
+    this.way = L.layerGroup().addTo(this.map);
+    this.marks = L.layerGroup().addTo(this.map);
+    this.map.on("zoomend", () => this.#scale());
+    if (tiles) this.#addTiles(tiles);
+    new ResizeObserver(() => this.#fill()).observe(where);
+  }
+
+  /**
+   * @param {import("./drawing.js").MapData} data
+   * @param {string} language
+   */
+  draw(data, language) {
+    const { svg, resize } = draw(data, language);
+    this.#drawing?.remove();
+    this.#drawing = L.svgOverlay(svg, BOX, { pane: "tilePane", attribution: data.attribution }).addTo(this.map);
+    this.#resize = resize;
+    this.#scale();
+  }
+
+  /**
+   * One place, in view together with the visitor.
+   * @param {Place} place
+   * @param {string} name
+   * @param {Point} here
+   */
+  showPlace(place, name, here) {
+    this.clear();
+    const at = /** @type {Point} */ ([place.lat, place.lon]);
+    L.marker(at, { icon: pinIcon(place.type, true), title: name, alt: name, keyboard: false }).addTo(this.marks);
+    this.#look(isNear(here) ? [at, here] : [at]);
+  }
+
+  /**
+   * Several places; one that is chosen is told.
+   * @param {{place: Place, name: string}[]} places
+   * @param {(place: Place) => void} chosen
+   */
+  showPlaces(places, chosen) {
+    this.clear();
+    for (const { place, name } of places) {
+      const mark = L.marker([place.lat, place.lon], { icon: pinIcon(place.type, false), title: name, alt: name });
+      mark.on("click", () => chosen(place)).addTo(this.marks);
+    }
+    if (places.length) this.#look(places.map(({ place }) => [place.lat, place.lon]));
+  }
+
+  /** @param {Place} place */
+  focus(place) {
+    this.map.setView([place.lat, place.lon], NEAR, { animate: !STILL.matches });
+  }
+
+  /** @param {import("./directions.js").Way} way */
+  showWay({ line, estimated }) {
+    this.hideWay();
+    const smooth = { interactive: false, smoothFactor: 1 };
+    L.polyline(line, { ...smooth, className: "way-edge" }).addTo(this.way);
+    L.polyline(line, { ...smooth, className: estimated ? "way estimated" : "way" }).addTo(this.way);
+    this.#look(line);
+  }
+
+  hideWay() {
+    this.way.clearLayers();
+  }
+
+  /**
+   * @param {Point} point
+   * @param {boolean} located
+   * @param {string} label
+   */
+  showVisitor(point, located, label) {
+    this.#visitor?.remove();
+    const mark = L.divIcon({ className: located ? "here" : "here assumed", iconSize: [22, 22] });
+    this.#visitor = L.marker(point, { icon: mark, title: label, alt: label, keyboard: false, zIndexOffset: -500 });
+    this.#visitor.addTo(this.map);
+  }
+
+  clear() {
+    this.hideWay();
+    this.marks.clearLayers();
+  }
+
+  /** @param {Tiles} tiles */
+  #addTiles({ url, attribution }) {
+    let bad = 0;
+    const layer = L.tileLayer(url, {
+      attribution, maxZoom: 19, className: "tiles", referrerPolicy: "strict-origin-when-cross-origin", detectRetina: false,
+    });
+    layer.on("tileload", () => void (bad = -Infinity));
+    layer.on("tileerror", () => void (++bad >= BAD_TILES && layer.remove())); // the drawing below is enough
+    layer.setZIndex(2).addTo(this.map);
+    globalThis.addEventListener("online", () => {
+      bad = 0;
+      layer.addTo(this.map);
+    });
+  }
+
+  /** @param {Point[]} points */
+  #look(points) {
+    const { x, y } = this.map.getSize();
+    const padding = L.point(Math.min(60, x / 6), Math.min(70, y / 5));
+    this.map.flyToBounds(L.latLngBounds(points), { padding, maxZoom: NEAR, animate: !STILL.matches, duration: 0.6 });
+  }
+
+  #fill() {
+    const centre = this.map.getCenter();
+    this.map.invalidateSize({ pan: false, animate: false });
+    this.map.setView(centre, undefined, { animate: false });
+  }
+
+  #scale() {
+    const around = EQUATOR * Math.cos((this.map.getCenter().lat * Math.PI) / 180);
+    this.#resize(around / (TILE * 2 ** this.map.getZoom()));
+  }
+}
+
+/**
+ * Whether somebody there would see the city on the same map.
+ * @param {Point} point
+ */
+function isNear([lat, lon]) {
+  const [[south, west], [north, east]] = BOX;
+  return lat > south - MARGIN && lat < north + MARGIN && lon > west - MARGIN && lon < east + MARGIN;
+}
+
+/**
+ * @param {string} type
+ * @param {boolean} large
+ */
+function pinIcon(type, large) {
+  const [width, height] = large ? [44, 56] : [32, 41];
+  const html = pin();
+  html.append(icon(type));
+  return L.divIcon({
+    html, className: `pin ${type}${large ? " large" : ""}`, iconSize: [width, height], iconAnchor: [width / 2, height - 2],
+  });
+}
