@@ -29,6 +29,7 @@ INSTALLED_APPS = [
     "drf_spectacular_sidecar",
     "agents_app",
     "envs_app",
+    "frontend",
 ]
 MIDDLEWARE = [
     "django.middleware.security.SecurityMiddleware",
@@ -47,7 +48,6 @@ WSGI_APPLICATION = "shepherd.wsgi.application"
 TEMPLATES = [
     {
         "BACKEND": "django.template.backends.django.DjangoTemplates",
-        "DIRS": [BASE_DIR / "frontend" / "templates"],
         "APP_DIRS": True,
         "OPTIONS": {
             "context_processors": [
@@ -82,7 +82,6 @@ TIME_ZONE = "UTC"
 USE_TZ = True
 STATIC_URL = "/static/"
 STATIC_ROOT = DATA_DIR / "static"
-STATICFILES_DIRS = [BASE_DIR / "frontend" / "static"]
 WHITENOISE_USE_FINDERS = True
 
 SECURE_CONTENT_TYPE_NOSNIFF = True
@@ -110,6 +109,12 @@ WEB_THREADS = env.integer("SHEPHERD_WEB_THREADS", 128, 1)
 MIN_FREE_MB = env.integer("SHEPHERD_MIN_FREE_MB", 200)  # `serve` does not start with less room on the disk
 LOG_DIR = None if env.choice("SHEPHERD_LOG", ["files", "stderr"]) == "stderr" else DATA_DIR / "logs"
 DATA_UPLOAD_MAX_MEMORY_SIZE = MAX_BODY_BYTES
+
+# Bored in the city (frontend/bored/): which agent, and whom the page may ask beside this server; empty: nobody.
+BORED_KEY = env.text("SHEPHERD_BORED_KEY")  # a publishable one
+BORED_TILES = env.text("SHEPHERD_BORED_TILES", "https://tile.openstreetmap.org/{z}/{x}/{y}.png")
+BORED_ATTRIBUTION = env.text("SHEPHERD_BORED_ATTRIBUTION", "© OpenStreetMap contributors")
+BORED_ROUTING = env.text("SHEPHERD_BORED_ROUTING", "https://routing.openstreetmap.de/routed-foot")
 
 LOGGING = logging_config(
     env.choice("SHEPHERD_LOG_LEVEL", ["INFO", "DEBUG", "WARNING", "ERROR"]),

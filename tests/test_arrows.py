@@ -15,7 +15,7 @@ import pytest
 
 from tests.servers import PROJECT
 
-ROOMS = ("agents_app", "envs_app", "shepherd", "clients")
+ROOMS = ("agents_app", "envs_app", "shepherd", "clients", "frontend")
 DJANGO = ("django", "rest_framework", "corsheaders", "drf_spectacular", "unfold")
 HEAVY = ("torch", "stable_baselines3", "sb3_contrib")
 
@@ -40,6 +40,7 @@ ARROWS: list[tuple[str, str, tuple[str, ...]]] = [
     ("models have no torch", "agents_app/models/**/*.py", HEAVY),
     ("transports know no view", "envs_app/transports/**/*.py", ("envs_app.views", "envs_app.sessions")),
     ("clients know only HTTP", "clients/**/*.py", ("agents_app", "envs_app", "shepherd", "django")),
+    ("pages know agents alone", "frontend/**/*.py", ("envs_app", *HEAVY)),
     ("no torch in the Django project", "shepherd/**/*.py", HEAVY),
 ]
 

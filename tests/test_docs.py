@@ -26,7 +26,9 @@ def text_of(name: str) -> str:
 
 def settings_read() -> set[str]:
     """The environment variables that the server's code reads."""
-    files = [path for room in ("shepherd", "agents_app", "envs_app") for path in (PROJECT / room).rglob("*.py")]
+    files = [
+        path for room in ("shepherd", "agents_app", "envs_app", "frontend") for path in (PROJECT / room).rglob("*.py")
+    ]
     return {name for path in files for name in READ.findall(path.read_text(encoding="utf-8"))} - NOT_OURS
 
 

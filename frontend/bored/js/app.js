@@ -1,9 +1,7 @@
 // @ts-check
 /** The page: what its buttons do, and what is shown after that. Addresses: #, #favourites, #place/<id>, #privacy. */
 
-import { findWay } from "./directions.js";
 import { button } from "./dom.js";
-import { pointOf } from "./places.js";
 import { Snack } from "./snack.js";
 import { chooseLanguage, Texts } from "./texts.js";
 import { favouritesList } from "./views/favourites.js";
@@ -138,9 +136,13 @@ export class App {
     }
   }
 
-  /** @param {Place} place */
-  findWay(place) {
-    return findWay(this.whereabouts.get().point, pointOf(place), this.config.routing);
+  /**
+   * Where a way to it begins: where the visitor is; while nobody knows that, where they were assumed to be then.
+   * @param {import("./store.js").Suggestion} suggestion
+   */
+  startOf({ reason }) {
+    const { point, located } = this.whereabouts.get();
+    return located ? point : reason.here;
   }
 
   async locate() {
@@ -196,11 +198,11 @@ export class App {
     const place = this.places.get(current?.id ?? "");
     if (!current || !place || current.verdict === "dismissed") {
       this.#put(welcome(this));
-      this.map.showPlaces([], () => {});
+      this.map.showCity();
       return;
     }
     this.#put(suggestionCard(this, current));
-    this.map.showPlace(place, this.#name(place), this.whereabouts.get().point);
+    this.map.showPlace(place, this.#name(place), this.startOf(current));
   }
 
   #showFavourites() {
@@ -222,8 +224,9 @@ export class App {
         ? button("bin", this.texts.say("remove"), change)
         : button("heart", this.texts.say("add"), change, { class: "love" }),
     ];
-    this.#put(placeCard(this, place, actions, null));
-    this.map.showPlace(place, this.#name(place), this.whereabouts.get().point);
+    const { point } = this.whereabouts.get();
+    this.#put(placeCard(this, place, point, actions, null));
+    this.map.showPlace(place, this.#name(place), point);
   }
 
   /** @param {Node} view */
@@ -245,7 +248,9 @@ export class App {
 
   #showVisitor() {
     const { point, located } = this.whereabouts.get();
-    this.map.showVisitor(point, located, this.texts.say(located ? "location.here" : "location.assumed"));
+    const { current } = this.visitor;
+    const start = current && !location.hash ? this.startOf(current) : point;
+    this.map.showVisitor(start, located, this.texts.say(located ? "location.here" : "location.assumed"));
   }
 
   #tellSuggestion() {

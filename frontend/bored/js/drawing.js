@@ -35,8 +35,7 @@ export function draw(data, language) {
   for (const kind of STREETS) svg.append(path(`${kind} edge`, lines(data.streets, kind)));
   for (const kind of STREETS) svg.append(path(kind, lines(data.streets, kind)));
   const names = [...streetNames(data.streets, language), ...areaNames(data.areas, language)];
-  svg.append(...data.stations.map((station) => stationSign(station, language)));
-  svg.append(...names.map(({ node }) => node));
+  svg.append(...names.map(({ node }) => node), ...data.stations.map((station) => stationSign(station, language)));
   return { svg, resize: (/** @type {number} */ metresPerPixel) => resize(svg, names, metresPerPixel) };
 }
 

@@ -29,7 +29,7 @@ async function start() {
   const options = { url: config.server, patience: PATIENCE, timeout: TIMEOUT };
   const guide = config.key ? new Guide(new Client(config.key, options), store) : null;
   const visitor = new Visitor({ places, store, whereabouts, guide });
-  const map = new CityMap(/** @type {HTMLElement} */ (document.getElementById("map")), config.tiles);
+  const map = new CityMap(/** @type {HTMLElement} */ (document.getElementById("map")), config.tiles, places.attribution);
   const app = new App({ config, places, store, whereabouts, visitor, map, drawing, texts });
   app.translate();
   app.show(false);

@@ -12,6 +12,7 @@ import { icon, pin } from "./icons.js";
 const { L } = /** @type {{L: typeof import("leaflet")}} */ (/** @type {unknown} */ (globalThis));
 const EQUATOR = 40_075_016; // metres around it
 const TILE = 256; // pixels
+const CENTRE = /** @type {Point[]} */ ([[50.8448, 4.3465], [50.8515, 4.3575]]); // what one sees first
 const MARGIN = 0.004; // degrees around the box into which one may drag the map
 const BAD_TILES = 3; // after which the map server is taken for unreachable
 const NEAR = 17; // zoom
@@ -23,18 +24,21 @@ export class CityMap {
   #resize = (/** @type {number} */ _metresPerPixel) => {};
   /** @type {import("leaflet").Marker | null} */
   #visitor = null;
+  /** What is to be seen, however the map is resized. @type {Point[]} */
+  #seen = CENTRE;
 
   /**
    * @param {HTMLElement} where
    * @param {Tiles | null} tiles
+   * @param {string} attribution of the places
    */
-  constructor(where, tiles) {
+  constructor(where, tiles, attribution) {
     const bounds = L.latLngBounds(BOX);
     this.map = L.map(where, {
       zoomControl: false, minZoom: 13, maxZoom: 19, zoomSnap: 0.25, maxBounds: bounds.pad(0.6), maxBoundsViscosity: 0.8,
     });
-    this.map.attributionControl.setPrefix('<a href="https://leafletjs.com">Leaflet</a>');
-    this.map.setView(bounds.getCenter(), 15.5);
+    this.map.attributionControl.setPrefix('<a href="https://leafletjs.com">Leaflet</a>').addAttribution(attribution);
+    this.map.setView(bounds.getCenter(), 15);
     this.way = L.layerGroup().addTo(this.map);
     this.marks = L.layerGroup().addTo(this.map);
     this.map.on("zoomend", () => this.#scale());
@@ -83,7 +87,7 @@ export class CityMap {
 
   /** @param {Place} place */
   focus(place) {
-    this.map.setView([place.lat, place.lon], NEAR, { animate: !STILL.matches });
+    this.#look([[place.lat, place.lon]]);
   }
 
   /** @param {import("./directions.js").Way} way */
@@ -111,6 +115,12 @@ export class CityMap {
     this.#visitor.addTo(this.map);
   }
 
+  /** The whole city, and nothing in it. */
+  showCity() {
+    this.clear();
+    this.#look(CENTRE);
+  }
+
   clear() {
     this.hideWay();
     this.marks.clearLayers();
@@ -133,15 +143,23 @@ export class CityMap {
 
   /** @param {Point[]} points */
   #look(points) {
-    const { x, y } = this.map.getSize();
-    const padding = L.point(Math.min(60, x / 6), Math.min(70, y / 5));
-    this.map.flyToBounds(L.latLngBounds(points), { padding, maxZoom: NEAR, animate: !STILL.matches, duration: 0.6 });
+    this.#seen = points;
+    this.map.flyToBounds(L.latLngBounds(points), { ...this.#margins(), animate: !STILL.matches, duration: 0.6 });
   }
 
   #fill() {
-    const centre = this.map.getCenter();
     this.map.invalidateSize({ pan: false, animate: false });
-    this.map.setView(centre, undefined, { animate: false });
+    this.map.fitBounds(L.latLngBounds(this.#seen), { ...this.#margins(), animate: false });
+  }
+
+  #margins() {
+    const { x, y } = this.map.getSize();
+    const side = Math.min(56, x / 7);
+    return {
+      paddingTopLeft: L.point(side, Math.min(76, y / 4)), // a pin stands above its place
+      paddingBottomRight: L.point(side, Math.min(48, y / 6)),
+      maxZoom: NEAR,
+    };
   }
 
   #scale() {

@@ -21,8 +21,10 @@ export class Places {
   /**
    * @param {Place[]} list
    * @param {Record<string, string>} streets the Dutch name of each street, by the French one
+   * @param {string} attribution
    */
-  constructor(list, streets) {
+  constructor(list, streets, attribution) {
+    this.attribution = attribution;
     this.list = list;
     this.streets = streets;
     this.numbers = new Map(list.map((place, number) => [place.id, number]));
@@ -30,8 +32,8 @@ export class Places {
 
   /** @param {string} url */
   static async load(url) {
-    const { places, streets } = await (await fetch(url)).json();
-    return new Places(places, streets);
+    const { places, streets, attribution } = await (await fetch(url)).json();
+    return new Places(places, streets, attribution);
   }
 
   /**

@@ -2,7 +2,7 @@
 /** One place: what it is, how far, why, and what to do with it. */
 
 import { button, h, link } from "../dom.js";
-import { openStreetMap, ownMap } from "../directions.js";
+import { findWay, openStreetMap, ownMap } from "../directions.js";
 import { estimateWalk } from "../distance.js";
 import { describe } from "../hours.js";
 import { icon } from "../icons.js";
@@ -10,14 +10,16 @@ import { pointOf } from "../places.js";
 
 /** @typedef {import("../app.js").App} App */
 /** @typedef {import("../places.js").Place} Place */
+/** @typedef {import("../contract.js").Point} Point */
 
 /**
  * @param {App} app
  * @param {Place} place
+ * @param {Point} from where the way begins
  * @param {Node[]} actions what can be decided about it
  * @param {Node | null} why
  */
-export function placeCard(app, place, actions, why) {
+export function placeCard(app, place, from, actions, why) {
   const { texts, places } = app;
   return h(
     "article",
@@ -25,10 +27,10 @@ export function placeCard(app, place, actions, why) {
     h("p", { class: "kind" }, icon(place.type), texts.say(`type.${place.type}`)),
     h("h2", { tabindex: -1 }, places.name(place, texts.language)),
     h("address", {}, places.address(place, texts.language)),
-    facts(app, place),
+    facts(app, place, from),
     why,
     h("div", { class: "actions" }, ...actions),
-    directions(app, place),
+    directions(app, place, from),
     h(
       "p",
       { class: "links" },
@@ -67,9 +69,10 @@ export function whyCard({ texts, places }, { id, session, reason }) {
 /**
  * @param {App} app
  * @param {Place} place
+ * @param {Point} from
  */
-function facts({ texts, whereabouts }, place) {
-  const { minutes, metres } = estimateWalk(whereabouts.get().point, pointOf(place));
+function facts({ texts }, place, from) {
+  const { minutes, metres } = estimateWalk(from, pointOf(place));
   const hours = describe(place.hours, new Date());
   const time = "time" in hours ? hours.time : "";
   const walk = `${texts.say("walk", { minutes: Math.max(1, Math.round(minutes)) })} · ${texts.distance(metres)}`;
@@ -86,8 +89,9 @@ function facts({ texts, whereabouts }, place) {
  * The way there, once it is asked for.
  * @param {App} app
  * @param {Place} place
+ * @param {Point} from
  */
-function directions(app, place) {
+function directions(app, place, from) {
   const { texts, map } = app;
   const answer = h("div", { class: "way-words", role: "status" });
   const words = h("span", {}, texts.say("directions.show"));
@@ -104,10 +108,10 @@ function directions(app, place) {
       return;
     }
     show(true);
-    const way = await app.findWay(place);
+    const way = await findWay(from, pointOf(place), app.config.routing);
     if (!toggle.isConnected || toggle.getAttribute("aria-expanded") !== "true") return; // another place meanwhile
     map.showWay(way);
-    answer.replaceChildren(...wayWords(app, place, way));
+    answer.replaceChildren(...wayWords(app, place, from, way));
   });
   return h("div", { class: "directions" }, toggle, answer);
 }
@@ -115,12 +119,13 @@ function directions(app, place) {
 /**
  * @param {App} app
  * @param {Place} place
+ * @param {Point} from
  * @param {import("../directions.js").Way} way
  */
-function wayWords({ texts, places, whereabouts }, place, { metres, minutes, estimated }) {
+function wayWords({ texts, places }, place, from, { metres, minutes, estimated }) {
   const walk = { distance: texts.distance(metres), minutes: Math.max(1, Math.round(minutes)) };
   const name = places.name(place, texts.language);
-  const own = ownMap(whereabouts.get().point, pointOf(place), name, navigator.userAgent);
+  const own = ownMap(from, pointOf(place), name, navigator.userAgent);
   return [
     h("p", {}, h("strong", {}, texts.say("directions.walk", walk))),
     ...(estimated ? [h("p", { class: "quiet" }, texts.say("directions.estimated"))] : []),

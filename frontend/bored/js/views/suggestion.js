@@ -2,6 +2,7 @@
 /** The first thing one sees: a welcome, then one suggestion after the other. */
 
 import { button, h } from "../dom.js";
+import { icon } from "../icons.js";
 import { swipeable } from "../swipe.js";
 import { placeCard, whyCard } from "./place.js";
 
@@ -41,7 +42,7 @@ export function suggestionCard(app, suggestion) {
   if (!place) return welcome(app);
   const decided = suggestion.verdict !== null;
   const actions = decided ? afterwards(app, suggestion.verdict) : decisions(app);
-  const card = placeCard(app, place, actions, whyCard(app, suggestion));
+  const card = placeCard(app, place, app.startOf(suggestion), actions, whyCard(app, suggestion));
   if (suggestion.session === null) card.prepend(h("p", { class: "notice" }, app.texts.say("offline")));
   if (!decided) swipeable(card, (loved) => (loved ? app.love() : app.dismiss()));
   return card;
@@ -69,5 +70,5 @@ function decisions(app) {
 function afterwards(app, verdict) {
   const { texts } = app;
   const next = button("next", texts.say("next"), () => app.next(), { class: "wide primary" });
-  return verdict === "loved" ? [h("p", { class: "loved" }, texts.say("loved")), next] : [next];
+  return verdict === "loved" ? [h("p", { class: "loved" }, icon("heart"), texts.say("loved")), next] : [next];
 }
