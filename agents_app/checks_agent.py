@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from agents_app.models.agent import Agent
     from agents_app.models.catalogue import Algorithm
 
-FIXED = ("policy", "action_space", "observation_space")  # what the weights depend on
+SPACES = ("action_space", "observation_space")
+FIXED = ("policy", *SPACES)  # what the weights depend on
 FIXED_PARAMETERS = {"net_arch", "use_sde", "n_critics"}  # too
 HAS_LEARNED = "The agent has learned with another value: reset its learning first, or make a new agent."
 LINEAR = "LinearPolicy"
@@ -179,6 +180,8 @@ def _check_advice(agent: Agent, algorithm: Algorithm, space: spaces.Space) -> No
         agent.advice_method = NO_ADVICE
     if not algorithm.advice and agent.advice_method != NO_ADVICE:
         raise ValidationError({"advice_method": takes_no_advice(algorithm)})
+    if agent.advisor is not None:
+        _check_advisor(agent, agent.advisor)
     if isinstance(space, spaces.Discrete):
         return
     if agent.advice_method == mixing.UNION:
@@ -187,6 +190,21 @@ def _check_advice(agent: Agent, algorithm: Algorithm, space: spaces.Space) -> No
     if (agent.advice_method, agent.advice_form) == (mixing.SHAPING, mixing.DETERMINISTIC):
         sentence = "An order has no density to be rewarded by: write soft, or another advice method."
         raise ValidationError({"advice_form": sentence})
+
+
+def _check_advisor(agent: Agent, advisor: Agent) -> None:
+    """Another agent of the same owner, that sees and does the same, and whose policy has probabilities."""
+    sentence = ""
+    if advisor.owner_id != agent.owner_id:
+        sentence = "It belongs to somebody else: choose an agent of the same owner."
+    elif advisor.pk == agent.pk:
+        sentence = "An agent cannot be its own advisor: its executions advise each other."
+    elif not advisor.algorithm.advice:
+        sentence = f"{advisor} cannot advise, for {advisor.algorithm} gives no probabilities: choose another agent."
+    elif [_space(advisor, name) for name in SPACES] != [_space(agent, name) for name in SPACES]:
+        sentence = f"{advisor} has other actions or observations: choose an agent with the same."
+    if sentence:
+        raise ValidationError({"advisor": sentence})
 
 
 def takes_no_advice(algorithm: Algorithm) -> str:

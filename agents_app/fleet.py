@@ -31,7 +31,7 @@ class ExecutionStatus(TypedDict, total=False):
     mean_return: float | None  # over the last 100 episodes
     cpu_percent: float
     memory: int  # private bytes
-    advisors: list[int]  # numbers of the executions whose advice it takes now
+    advisors: list[int | str]  # whose advice it takes now: numbers of executions, the name of an agent
     advises: list[int]  # numbers of the executions that take its advice now
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from django.core.exceptions import ValidationError
 from django.db import transaction
+from django.db.models import QuerySet
 from django.utils import timezone
 
 from agents_app.checks_agent import NO_ADVICE, check_parameters, takes_no_advice
@@ -42,6 +43,12 @@ def create_agent(owner: User, fields: dict[str, Any], parameters: dict[str, Any]
         set_parameters(agent, parameters)
         agent.current_run()
     return agent
+
+
+def possible_advisors(agent: Agent) -> QuerySet[Agent]:
+    """Agents of the same owner with the same actions and observations, and an algorithm that can advise."""
+    same = {"owner": agent.owner_id, "action_space": agent.action_space, "observation_space": agent.observation_space}
+    return Agent.objects.filter(**same, algorithm__advice=True).exclude(pk=agent.pk)
 
 
 def set_parameters(agent: Agent, values: dict[str, Any]) -> None:

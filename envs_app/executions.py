@@ -13,6 +13,7 @@ from django.utils import timezone
 
 from agents_app.algorithms.registry import get_row
 from agents_app.algorithms.spec import AgentSpec
+from agents_app.checks_agent import NO_ADVICE
 from agents_app.models import Agent, Execution, Run
 from envs_app.transports.base import Address, Claim, Transport
 
@@ -21,7 +22,7 @@ log = structlog.get_logger("shepherd.executions")
 
 def record_launch(transport: Transport, claim: Claim, exclude: Iterable[str]) -> Address:
     """Start an execution for a session and keep a row of it; the row goes when none was started. Raises NoCapacity."""
-    agent = Agent.objects.select_related("algorithm").get(pk=claim.agent)
+    agent = Agent.objects.select_related("algorithm", "advisor__algorithm").get(pk=claim.agent)
     execution = _new_row(claim.run)
     try:
         address = transport.launch(claim, execution_spec(agent, execution), agent.max_percent_cpu, exclude)
@@ -66,7 +67,21 @@ def execution_spec(agent: Agent, execution: Execution) -> dict[str, Any]:
         "sessions": places(agent),
         "reclaim_seconds": float(settings.RECLAIM_SECONDS),
         "seed": parameters.get("seed"),
+        "advisor": advisor_spec(agent),
     }
+
+
+def advisor_spec(agent: Agent) -> dict[str, Any] | None:
+    """envs_app.execution.frozen.FrozenSpec as a dictionary, but for the folder, of which the transport knows."""
+    advisor = agent.advisor
+    if advisor is None or agent.advice_method == NO_ADVICE:
+        return None
+    if advisor.owner_id != agent.owner_id:  # it was given away since
+        log.warning("the advisor belongs to somebody else", agent=str(agent.pk), advisor=str(advisor.pk))
+        return None
+    run = advisor.current_run()
+    spec = agent_spec(advisor, advisor.parameters()).to_dict()
+    return {"name": advisor.name, "agent": spec, "rule": agent.advisor_save, "saves": [str(advisor.pk), run.pk]}
 
 
 def places(agent: Agent) -> int:
@@ -93,5 +108,7 @@ def agent_spec(agent: Agent, parameters: dict[str, Any]) -> AgentSpec:
         shaping_scale=agent.shaping_scale,
         rho=agent.rho,
         psi=agent.psi,
+        advice_weight=agent.advice_weight,
         advisors=agent.advisors,
+        peers_advise=agent.peers_advise,
     )

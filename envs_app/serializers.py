@@ -95,11 +95,24 @@ class AdviceSerializer(serializers.ModelSerializer):
     form = serializers.CharField(source="advice_form")
     continuous = serializers.CharField(source="continuous_advice")
     samples = serializers.IntegerField(source="advice_samples")
+    advisor = serializers.CharField(source="advisor.name", allow_null=True, default=None, help_text="An agent's name.")
+    advisor_save = serializers.CharField()
+    weight = serializers.FloatField(source="advice_weight")
 
     class Meta:
         model = Agent
-        fields = ["method", "advisors", "form", "rho", "continuous", "samples", "last_word", "psi", "shaping_scale"]
-        fields += ["learning_correction"]
+        fields = [
+            "method",
+            "advisors",
+            "peers_advise",
+            "advisor",
+            "advisor_save",
+            "form",
+            "rho",
+            "continuous",
+            "samples",
+        ]
+        fields += ["last_word", "weight", "psi", "shaping_scale", "learning_correction"]
 
 
 class AgentSerializer(SessionAgentSerializer):

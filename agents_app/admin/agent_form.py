@@ -57,6 +57,8 @@ class AgentForm(forms.ModelForm):
         if "policy" in self.fields and self.instance.algorithm_id:
             policies = [AUTO, *self.instance.algorithm.policies]
             self.fields["policy"].widget = UnfoldAdminSelectWidget(choices=[(name, name) for name in policies])
+        if "advisor" in self.fields:
+            self.fields["advisor"].queryset = services.possible_advisors(self.instance)  # type: ignore[attr-defined]
         for name, value in self.instance.own_parameters().items() if self.instance.pk else ():
             self.initial[PREFIX + name] = value
 

@@ -24,11 +24,15 @@ BASICS = ("name", "algorithm", "action_space", "observation_space")
 ADVICE = (
     "advice_method",
     "advisors",
+    "peers_advise",
+    "advisor",
+    "advisor_save",
     "advice_form",
     "rho",
     "continuous_advice",
     "advice_samples",
     "last_word",
+    "advice_weight",
     "psi",
     "shaping_scale",
     "learning_correction",
@@ -60,9 +64,10 @@ class AgentAdmin(AgentPages, DeletesQuietly, OwnedAdmin):
     autocomplete_fields = ("owner",)
     warn_unsaved_form = True
     conditional_fields = {  # each is shown where it changes anything
-        **dict.fromkeys(["advisors", "advice_form", "rho"], ADVISED),
+        **dict.fromkeys(["advisors", "peers_advise", "advisor", "advisor_save", "advice_form", "rho"], ADVISED),
         **dict.fromkeys(["continuous_advice", "last_word"], INTERSECTED),
         "advice_samples": f"{INTERSECTED} && continuous_advice == 'sampling'",
+        "advice_weight": "advice_method == 'geometric'",
         "psi": "advice_method == 'reuse'",
         "shaping_scale": "advice_method == 'shaping'",
         "learning_correction": f"{ADVISED} && advice_method != 'shaping'",

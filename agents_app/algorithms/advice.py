@@ -14,7 +14,7 @@ import numpy as np
 import torch as th
 from gymnasium import spaces
 
-from agents_app.algorithms.mixing import INTERSECTION, LEARNER, REUSE, UNION, Mixing
+from agents_app.algorithms.mixing import GEOMETRIC, INTERSECTION, LEARNER, REUSE, UNION, Mixing
 
 PLAIN = "_observation"  # the key of what the client sends, when it sends no dictionary
 FLOOR = 1e-6  # added to soft advice, so that the learner can always push back
@@ -39,9 +39,9 @@ class Gaussian(NamedTuple, Generic[Array]):
 
 
 def advice_space(action_space: spaces.Space) -> spaces.Box:
-    """Where advice for these actions lives: (A,) probabilities, or (2A,) means and deviations."""
+    """Where advice for these actions lives: (A,) probabilities, or their multiple; or (2A,) means and deviations."""
     if isinstance(action_space, spaces.Discrete):
-        return spaces.Box(0.0, 1.0, (int(action_space.n),), np.float32)
+        return spaces.Box(0.0, np.inf, (int(action_space.n),), np.float32)
     assert isinstance(action_space, spaces.Box)
     return spaces.Box(-np.inf, np.inf, (2 * int(np.prod(action_space.shape)),), np.float32)
 
@@ -64,7 +64,14 @@ def is_neutral(advice: Array) -> Array:
 def combine(advice: list[np.ndarray], rho: float) -> np.ndarray:
     """One vector from the probabilities of several advisors, eq. 5.1: 1/N sum_i (pi_i + 1 - rho), normalised to sum to 1."""
     mixed = sum(advice[1:], advice[0]) / len(advice) + (1.0 - rho + FLOOR)
-    return (mixed / mixed.sum()).astype(np.float32)
+    return (mixed / mixed.sum(-1, keepdims=True)).astype(np.float32)
+
+
+def combine_logs(advice: list[np.ndarray], rho: float) -> np.ndarray:
+    """The same by the geometric mean: prod_i (pi_i + 1 - rho)^(1/N), normalised to sum to N: geometric_logits counts so."""
+    logs = [np.log(each + (1.0 - rho + FLOOR)) for each in advice]
+    mixed = np.exp(sum(logs[1:], logs[0]) / len(logs))
+    return (len(advice) / mixed.sum(-1, keepdims=True) * mixed).astype(np.float32)
 
 
 def as_order(advice: np.ndarray, action_space: spaces.Space) -> np.ndarray:
@@ -84,6 +91,8 @@ def mix_logits(logits: Array, advice: Array, mixing: Mixing) -> Array:
     """The policy that acts. The softmax over the result normalises it."""
     if mixing.method == INTERSECTION:
         return intersect_logits(logits, advice, mixing.last_word)
+    if mixing.method == GEOMETRIC:
+        return geometric_logits(logits, advice, mixing.weight)
     if mixing.method in (UNION, REUSE):
         return reuse_logits(logits, advice, mixing.share)
     return logits
@@ -99,6 +108,18 @@ def intersect_logits(logits: Array, advice: Array, last_word: str = LEARNER) -> 
         return logits + said
     empty = _log_sum(logits - _log_sum(logits) + said) < NOTHING
     return _library(logits).where(empty, logits if last_word == LEARNER else said, logits + said)
+
+
+def geometric_logits(logits: Array, advice: Array, weight: float) -> Array:
+    """The weighted geometric mean of the learner and N advisors: p(a) is (pi_L(a) prod_i pi_i(a)^w)^(1 / (1 + w N)), normalised.
+
+    The logarithmic opinion pool (Genest and Zidek 1986). Where all agree it is as sure as they are; the intersection is surer.
+    `advice` is the geometric mean of theirs, and its sum is N, which is 1 where there is one.
+    """
+    xp = _library(advice)
+    weights = weight * xp.sum(advice, axis=-1, keepdims=True)
+    mixed = (logits + weights * _log_advice(advice)) / (1.0 + weights)
+    return xp.where(is_neutral(advice), logits, mixed)
 
 
 def reuse_logits(logits: Array, advice: Array, psi: float) -> Array:
@@ -135,11 +156,14 @@ def _log(share: float) -> float:
 # --- continuous actions ---
 
 
-def intersect_mean(mean: Array, advice: Array) -> Array:
-    """The mean of the analytic intersection, eq. 3.5: (mu_L + mu_A) / 2, (..., A); sigma stays pi_L's."""
+def intersect_mean(mean: Array, advice: Array, part: float = 0.5) -> Array:
+    """The mean of the analytic intersection, eq. 3.5: (mu_L + mu_A) / 2, (..., A); sigma stays pi_L's.
+
+    With another part w of the advisor, (1 - w) mu_L + w mu_A: the geometric mean of two Gaussians of one deviation.
+    """
     advised, deviation = _halves(advice)
     xp = _library(mean)
-    return xp.where(xp.isinf(deviation), mean, (mean + advised) / 2)
+    return xp.where(xp.isinf(deviation), mean, (1.0 - part) * mean + part * advised)
 
 
 def advisor_of(own: Gaussian[Array], advice: Array) -> Gaussian[Array]:

@@ -15,7 +15,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 
 from agents_app.algorithms.advice import intersect_mean, mix_logits, plain_space, without_advice
 from agents_app.algorithms.mixed_gaussians import Accepted, Reused
-from agents_app.algorithms.mixing import BY_MEAN, INTERSECTION, SHAPING, UNION, Mixing
+from agents_app.algorithms.mixing import REUSE, SHAPING, UNION, Mixing
 
 
 class AdvisedPolicy(ActorCriticPolicy):
@@ -89,10 +89,10 @@ class AdvisedPolicy(ActorCriticPolicy):
             return self.action_dist.proba_distribution(action_logits=logits)
         if advice is None:
             return self._gaussian(raw, latent_pi)
-        if self.mixing.method != INTERSECTION:
+        if self.mixing.by_mean:
+            return self._gaussian(intersect_mean(raw, advice, self.mixing.part), latent_pi)
+        if self.mixing.method == REUSE:
             return Reused(self._gaussian(raw, latent_pi), advice, self.mixing)
-        if self.mixing.continuous == BY_MEAN:
-            return self._gaussian(intersect_mean(raw, advice), latent_pi)
         return Accepted(self._gaussian(raw, latent_pi), advice, self.mixing)
 
     def _gaussian(self, mean: th.Tensor, latent_pi: th.Tensor) -> Distribution:

@@ -16,7 +16,7 @@ from stable_baselines3.common.distributions import CategoricalDistribution, Diag
 from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.utils import obs_as_tensor
 
-from agents_app.algorithms.advice import is_neutral, mix_logits, plain_space, says_nothing, without_advice
+from agents_app.algorithms.advice import TINY, is_neutral, mix_logits, plain_space, says_nothing, without_advice
 from agents_app.algorithms.explorers import (
     EDGE,
     Noisy,
@@ -158,8 +158,7 @@ class AdvisedValues(AdvisedSampling):
     ) -> tuple[np.ndarray, np.ndarray]:
         observed = obs_as_tensor(self._last_obs, self.device)
         own = self.policy.probabilities(observed, 1.0 if warms_up else self.exploration_rate)
-        with np.errstate(divide="ignore"):  # the logarithm of no chance at all
-            mixed = mix_logits(np.log(own), advice, self.mixing)
+        mixed = mix_logits(np.log(np.maximum(own, TINY)), advice, self.mixing)
         action = (mixed + np.random.gumbel(size=mixed.shape)).argmax(-1)  # drawn by exp(mixed)
         return action, action
 

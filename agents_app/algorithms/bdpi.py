@@ -32,7 +32,7 @@ from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, Schedul
 from agents_app.algorithms.advice import is_neutral
 from agents_app.algorithms.bdpi_policies import BDPIPolicy
 from agents_app.algorithms.ensemble import Ensemble, probabilities
-from agents_app.algorithms.mixing import INTERSECTION, SHAPING
+from agents_app.algorithms.mixing import GEOMETRIC, INTERSECTION, SHAPING
 
 EPSILON = 1e-6  # keeps eq. 3.4 and eq. 6.1 from dividing by zero
 
@@ -192,6 +192,8 @@ class BDPI(OffPolicyAlgorithm):
             return greedy
         if mixing.method == INTERSECTION:
             return correct_intersection(greedy, own, advice)
+        if mixing.method == GEOMETRIC:
+            return correct_intersection(greedy, own, as_intersected(advice, mixing.weight))
         return correct_reuse(greedy, advice, mixing.share)
 
     def _critics(self, iteration: int) -> tuple[Ensemble, Ensemble]:
@@ -246,6 +248,15 @@ def correct_intersection(greedy: th.Tensor, own: th.Tensor, advice: th.Tensor) -
     chosen = (greedy * advice).sum(-1, keepdim=True).clamp_min(EPSILON)
     pull = 1.0 + (own * (advice / chosen - 1.0)).sum(-1, keepdim=True)
     return greedy * pull.clamp_min(0.0)
+
+
+def as_intersected(advice: th.Tensor, weight: float) -> th.Tensor:
+    """The advice with which Policy Intersection prefers the same actions as the geometric mean, (..., A): pi_A^(w N).
+
+    pi_L^(1 / (1 + w N)) pi_A^(w N / (1 + w N)) is a power of pi_L pi_A^(w N). N is the sum of the advice.
+    """
+    advisors = advice.sum(-1, keepdim=True)
+    return (advice / advisors) ** (weight * advisors)
 
 
 def correct_reuse(greedy: th.Tensor, advice: th.Tensor, psi: float) -> th.Tensor:

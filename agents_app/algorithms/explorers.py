@@ -13,7 +13,7 @@ from gymnasium import spaces
 from stable_baselines3.common.noise import ActionNoise, OrnsteinUhlenbeckActionNoise
 
 from agents_app.algorithms.advice import NOTHING, intersect_mean
-from agents_app.algorithms.mixing import BY_MEAN, INTERSECTION, LEARNER, REUSE, Mixing
+from agents_app.algorithms.mixing import LEARNER, REUSE, Mixing
 
 EDGE = 1e-6  # how near to the bounds a squashed action may be asked for: at the bounds themselves atanh is infinite
 NODES, WEIGHTS = (th.tensor(part, dtype=th.float32) for part in np.polynomial.hermite_e.hermegauss(9))
@@ -23,8 +23,11 @@ WEIGHTS /= WEIGHTS.sum()  # sum_k WEIGHTS_k f(NODES_k) is the expectation of f u
 class Explorer(Protocol):
     """A policy that explores, at B states."""
 
-    def explore(self, advice: th.Tensor) -> th.Tensor:
-        """Actions (B, A) drawn from the analytic intersection with the advice, eq. 3.5; action noise is not in them yet."""
+    def explore(self, advice: th.Tensor, part: float = 0.5) -> th.Tensor:
+        """Actions (B, A) drawn from the analytic intersection with the advice, eq. 3.5, or with another part of the advisor.
+
+        Action noise is not in them yet.
+        """
         ...
 
     def log_density(self, actions: th.Tensor) -> th.Tensor:
@@ -35,10 +38,10 @@ class Explorer(Protocol):
 class Uniform:
     """SB3's warm-up: any action within the bounds, whose mean is the middle."""
 
-    def explore(self, advice: th.Tensor) -> th.Tensor:
-        """Around half the advice."""
+    def explore(self, advice: th.Tensor, part: float = 0.5) -> th.Tensor:
+        """Around half the advice, or another part."""
         middle = advice.new_zeros(advice.shape[0], advice.shape[1] // 2)
-        return intersect_mean(middle, advice) + (2.0 * th.rand_like(middle) - 1.0)
+        return intersect_mean(middle, advice, part) + (2.0 * th.rand_like(middle) - 1.0)
 
     def log_density(self, actions: th.Tensor) -> th.Tensor:
         """The same everywhere."""
@@ -48,7 +51,7 @@ class Uniform:
 class Squashed:
     """SAC and TQC: a Gaussian, squashed by tanh.
 
-    The mean that is mixed is that of the greedy action, tanh(mu). Half way to the advice, it is unsquashed again; to that the
+    The mean that is mixed is that of the greedy action, tanh(mu). Between it and the advice, it is unsquashed again; to that the
     learner's own Gaussian noise is added (of its own deviation, or gSDE's), and the sum is squashed.
     """
 
@@ -56,10 +59,10 @@ class Squashed:
         self._distribution = actor.action_dist
         self._mean, self._log_std, self._others = actor.get_action_dist_params(obs)
 
-    def explore(self, advice: th.Tensor) -> th.Tensor:
-        """Drawn half way to the advice, (B, A)."""
-        half_way = intersect_mean(self._mean.tanh(), advice).clamp(EDGE - 1.0, 1.0 - EDGE).atanh()
-        mixed = th.where(advice.chunk(2, dim=-1)[1].isinf(), self._mean, half_way)
+    def explore(self, advice: th.Tensor, part: float = 0.5) -> th.Tensor:
+        """Drawn half way to the advice, or another part of it, (B, A)."""
+        between = intersect_mean(self._mean.tanh(), advice, part).clamp(EDGE - 1.0, 1.0 - EDGE).atanh()
+        mixed = th.where(advice.chunk(2, dim=-1)[1].isinf(), self._mean, between)
         return self._distribution.actions_from_params(mixed, self._log_std, **self._others)
 
     def log_density(self, actions: th.Tensor) -> th.Tensor:
@@ -88,9 +91,9 @@ class Noisy:
         """`mean`: (B, A); `deviation`: of the noise, (A,)."""
         self._mean, self._deviation = mean, deviation
 
-    def explore(self, advice: th.Tensor) -> th.Tensor:
-        """Half way to the advice, (B, A)."""
-        return intersect_mean(self._mean, advice)
+    def explore(self, advice: th.Tensor, part: float = 0.5) -> th.Tensor:
+        """Half way to the advice, or another part of it, (B, A)."""
+        return intersect_mean(self._mean, advice, part)
 
     def log_density(self, actions: th.Tensor) -> th.Tensor:
         """Of the noise."""
@@ -99,8 +102,8 @@ class Noisy:
 
 def draw_mixed(explorer: Explorer, advice: th.Tensor, noise: Any, mixing: Mixing) -> th.Tensor:
     """Actions of the mixed policy, (B, A). The noise, (B, A) or 0, belongs to the learner's own action."""
-    if (mixing.method, mixing.continuous) == (INTERSECTION, BY_MEAN):
-        return (explorer.explore(advice) + noise).clamp(-1.0, 1.0)
+    if mixing.by_mean:
+        return (explorer.explore(advice, mixing.part) + noise).clamp(-1.0, 1.0)
     own = (explorer.explore(th.full_like(advice, th.inf)) + noise).clamp(-1.0, 1.0)
     if mixing.method == REUSE:
         return reuse_action(own, advice, mixing.psi)

@@ -22,7 +22,7 @@ from agents_app.algorithms.advice import (
     reuse_log_density,
     says_nothing,
 )
-from agents_app.algorithms.mixing import BY_MEAN, INTERSECTION, LEARNER, SHAPING, Mixing
+from agents_app.algorithms.mixing import INTERSECTION, LEARNER, SHAPING, Mixing
 from agents_app.algorithms.on_policy import OnPolicyActor
 from agents_app.algorithms.replay import Decision
 from agents_app.algorithms.small_net import SmallNet, draw, log_softmax
@@ -77,8 +77,8 @@ class SmallActor(OnPolicyActor):
 
 def draw_vector(own: Gaussian[np.ndarray], advice: np.ndarray | None, mixing: Mixing) -> tuple[np.ndarray, np.ndarray]:
     """An action of the mixed policy, (A,), and the logarithm of its density. As advised.py does; mixed_gaussians.py."""
-    if advice is not None and mixing.method == INTERSECTION and mixing.continuous == BY_MEAN:
-        own = Gaussian(intersect_mean(own.mean, advice), own.deviation)
+    if advice is not None and mixing.by_mean:
+        own = Gaussian(intersect_mean(own.mean, advice, mixing.part), own.deviation)
         advice = None
     action = _normal(own)
     if advice is None or mixing.method == SHAPING or says_nothing(advice):

@@ -30,7 +30,9 @@ class AgentSpec:
     shaping_scale: float = 1.0
     rho: float = 1.0
     psi: float = 0.5
+    advice_weight: float = 1.0
     advisors: str = "random"
+    peers_advise: bool = True
 
     def to_dict(self) -> dict[str, Any]:
         """The fields, for a message."""
@@ -40,7 +42,13 @@ class AgentSpec:
         """How its policy takes advice."""
         correction = self.learning_correction and self.advice_method != SHAPING
         return Mixing(
-            self.advice_method, correction, self.psi, self.continuous_advice, self.advice_samples, self.last_word
+            self.advice_method,
+            correction,
+            self.psi,
+            self.continuous_advice,
+            self.advice_samples,
+            self.last_word,
+            self.advice_weight,
         )
 
     def actions(self) -> spaces.Space:

@@ -21,6 +21,7 @@ class Agent(models.Model):
     class AdviceMethod(models.TextChoices):
         NONE = "none", "No advice"
         INTERSECTION = mixing.INTERSECTION, "Policy intersection: what both agree on"
+        GEOMETRIC = mixing.GEOMETRIC, "Geometric mean: between both, no surer than they are"
         UNION = mixing.UNION, "Policy union: what either of them would do (one of n actions only)"
         REUSE = mixing.REUSE, "Policy reuse: what the advisor would do, now and then"
         SHAPING = mixing.SHAPING, "Reward shaping: a reward for what the advisor would do"
@@ -97,6 +98,28 @@ class Agent(models.Model):
         default=Advisors.RANDOM,
         help_text="Where all together cannot be mixed into one, one of them is drawn at random at each step.",
     )
+    peers_advise = models.BooleanField(
+        "executions advise each other",
+        default=True,
+        help_text="Unticked, only the agent chosen below advises, or you at the client.",
+    )
+    advisor = models.ForeignKey(
+        "self",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="advised",
+        verbose_name="an agent that advises",
+        help_text="Another agent of yours with the same actions and observations, which has learned already. It advises as it "
+        "acted when it was saved, and learns nothing from this.",
+    )
+    advisor_save = models.CharField(
+        "with which save",
+        max_length=10,
+        choices=StartFrom,
+        default=StartFrom.LATEST,
+        help_text="Chosen anew whenever an execution starts.",
+    )
     advice_form = models.CharField(
         "advice is",
         max_length=20,
@@ -129,6 +152,12 @@ class Agent(models.Model):
         choices=LastWord,
         default=LastWord.LEARNER,
         help_text="Where the agent and the advisor agree on no action at all. Half way between two, there is always one.",
+    )
+    advice_weight = models.FloatField(
+        "weight of the advice",
+        default=1.0,
+        validators=[MinValueValidator(0), MaxValueValidator(100)],
+        help_text="How much each advisor counts beside the agent itself: 1 is as much, 0 is nothing, 3 is three times as much.",
     )
     psi = models.FloatField(
         "how often (psi)",

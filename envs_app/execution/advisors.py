@@ -1,4 +1,4 @@
-"""Advisors: the other executions of the run, whose published policies are evaluated here (DESIGN.md section 4).
+"""Advisors: the other executions of the run, whose published policies are evaluated here (DESIGN.md section 4), and a frozen one.
 
 Nobody is asked and nobody waits: each peer's latest weights lie where the transport put them, and are taken over when it is
 that peer's turn.
@@ -16,11 +16,14 @@ from gymnasium import spaces
 from stable_baselines3.common.utils import obs_as_tensor
 
 from agents_app.algorithms.actor import advising_policy, batch
-from agents_app.algorithms.advice import as_order, combine, neutral_advice
-from agents_app.algorithms.mixing import ALL, BEST, BY_MEAN, DETERMINISTIC, INTERSECTION
+from agents_app.algorithms.advice import as_order, combine, combine_logs, neutral_advice
+from agents_app.algorithms.mixing import ALL, BEST, GEOMETRIC, SOFT
 from agents_app.algorithms.small_net import SmallNet, Unsupported, log_softmax
 from agents_app.algorithms.spec import AgentSpec
 from agents_app.algorithms.weights import assign
+from envs_app.execution.frozen import Frozen
+
+FROZEN = 0  # its number; those of executions begin with 1
 
 
 class Peers(Protocol):
@@ -70,13 +73,17 @@ class Peer:
 class Advisors:
     """Asks a live peer, or all of them, at each step. Belongs to the actor's thread."""
 
-    def __init__(self, algorithm: Any, peers: Peers, spec: AgentSpec) -> None:
-        """Made before the algorithm learns: its policy is copied here, not while another thread trains it."""
+    def __init__(self, algorithm: Any, peers: Peers, spec: AgentSpec, frozen: Frozen | None = None) -> None:
+        """Made before the algorithm learns: its policy is copied here, not while another thread trains it.
+
+        `frozen` advises beside the peers, or if the agent wants none, in their place.
+        """
         self._template, self._peers, self._spec = advising_policy(algorithm), peers, spec
+        self._frozen = frozen
+        self._frozen_peer = None if frozen is None else Peer(frozen.policy)
         self._action_space = algorithm.action_space
         self._discrete = isinstance(self._action_space, spaces.Discrete)
-        by_mean = (spec.advice_method, spec.continuous_advice) == (INTERSECTION, BY_MEAN)
-        self._asks_all = spec.advisors == ALL and (self._discrete or by_mean)
+        self._asks_all = spec.advisors == ALL and (self._discrete or spec.mixing().by_mean)
         self._known: dict[int, Peer] = {}
         self._versions: dict[int, int] = {}
         self._neutral = neutral_advice(algorithm.action_space)
@@ -95,25 +102,41 @@ class Advisors:
         """Advice from outside, as `advise` gives a peer's."""
         return self._combine([advice])
 
-    def numbers(self) -> list[int]:
-        """Whose advice is taken now."""
-        return sorted(self._eligible())
+    def names(self) -> list[int | str]:
+        """Whose advice is taken now: numbers of executions, and the name of a frozen advisor."""
+        return [self._frozen.name if it == FROZEN and self._frozen else it for it in sorted(self._eligible())]
 
     def _eligible(self) -> list[int]:
         """Who may be asked: all, or the best of those that have ended an episode."""
-        numbers = list(self._peers.versions())
+        numbers = list(self._peers.versions()) if self._spec.peers_advise else []
+        numbers += [] if self._frozen is None else [FROZEN]
         if self._spec.advisors == BEST:
-            returns = self._peers.mean_returns()
+            returns = self._mean_returns()
             return [max(judged, key=returns.__getitem__)] if (judged := returns.keys() & numbers) else numbers
         return numbers
 
+    def _mean_returns(self) -> dict[int, float]:
+        if self._frozen is None or self._frozen.mean_return is None:
+            return self._peers.mean_returns()
+        return self._peers.mean_returns() | {FROZEN: self._frozen.mean_return}
+
     def _combine(self, answers: list[np.ndarray]) -> np.ndarray:
-        """One piece of advice from several: eq. 5.1, or the mean of the means; as an order, if the agent wants orders."""
-        advice = combine(answers, self._spec.rho) if self._discrete else np.stack(answers).mean(0)
-        return as_order(advice, self._action_space) if self._spec.advice_form == DETERMINISTIC else advice
+        """One piece of advice from several: eq. 5.1, or the mean that the method asks; as an order, if the agent wants orders."""
+        if not self._discrete:
+            advice = np.stack(answers).mean(0)
+        elif self._spec.advice_method == GEOMETRIC:
+            advice = combine_logs(answers, self._spec.rho)
+        else:
+            advice = combine(answers, self._spec.rho)
+        if self._spec.advice_form == SOFT:
+            return advice
+        order = as_order(advice, self._action_space)
+        return order * len(answers) if self._discrete else order
 
     def _up_to_date(self, number: int) -> Peer | None:
         """The peer with its latest policy; None when it has just gone, or fits no more."""
+        if number == FROZEN:
+            return self._frozen_peer
         versions = self._peers.versions()
         for gone in self._known.keys() - versions.keys():
             del self._known[gone], self._versions[gone]

@@ -27,6 +27,7 @@ from agents_app.algorithms.spec import AgentSpec, see
 from agents_app.algorithms.weights import flatten
 from agents_app.spaces import parse_space
 from envs_app.execution.advisors import Advisors, Peers
+from envs_app.execution.frozen import Frozen, FrozenSpec, NoAdvisor, load
 from envs_app.execution.lane import Lane
 from envs_app.execution.learner import Learner
 from envs_app.execution.saves import SaveMeta, SaveStore
@@ -58,11 +59,14 @@ class ExecutionSpec:
     sessions: int = 1  # that may be in the middle of an episode at once
     reclaim_seconds: float = 120.0
     seed: int | None = None
+    advisor: FrozenSpec | None = None  # another agent
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> ExecutionSpec:
         """From a message."""
-        return cls(**{**data, "agent": AgentSpec(**data["agent"])})
+        advisor = data.get("advisor")
+        frozen = None if advisor is None else FrozenSpec.from_dict(advisor)
+        return cls(**{**data, "agent": AgentSpec(**data["agent"]), "advisor": frozen})
 
 
 @dataclass
@@ -108,7 +112,7 @@ class Worker:
         self.allowed_lead = family.allowed_lead(self.algorithm)
         self.advisors = None
         if builder.is_advised(spec.agent):
-            self.advisors = Advisors(self.algorithm, peers, spec.agent)
+            self.advisors = Advisors(self.algorithm, peers, spec.agent, self._frozen_advisor())
         family.attach(self.algorithm, self.feed)
         self.learner = Learner(
             self.algorithm,
@@ -181,7 +185,7 @@ class Worker:
             "episodes": self.counters.episodes,
             "updates": int(self.algorithm._n_updates),
             "mean_return": self.counters.mean_return(),
-            "advisors": self.advisors.numbers() if self.advisors and self.learning else [],
+            "advisors": self.advisors.names() if self.advisors and self.learning else [],
             "learning": self.learning,
             "save_error": self.save_error,
         }
@@ -223,6 +227,17 @@ class Worker:
             setattr(self.algorithm, key, value)
         self.counters.episodes = meta.episodes
         self.counters.returns.extend(meta.recent_returns)
+
+    def _frozen_advisor(self) -> Frozen | None:
+        """Another agent, if one shall advise; one that cannot is passed over, and said."""
+        if self.spec.advisor is None:
+            return None
+        try:
+            return load(self.spec.advisor, self.spec.agent)
+        except NoAdvisor as error:
+            summary = f"{self.spec.advisor.name} does not advise: {error}"
+            self._report({"k": "error", "summary": summary, "traceback": traceback.format_exc()})
+            return None
 
     def _needs_warming_up(self, family: Any) -> None:
         """Off the policy, a restored execution has an empty replay buffer: it acts as it learned to, and fills it first."""

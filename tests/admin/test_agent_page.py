@@ -33,9 +33,10 @@ def act(client, agent, name):
 def fields_of(agent, **changes):
     """What the form of an agent sends."""
     names = ["name", "policy", "max_percent_cpu", "max_executions", "sessions_per_execution"]
-    names += [name for name in ADVICE if name != "learning_correction"]
+    ticks = ("enable_learning", "learning_correction", "peers_advise")
+    names += [name for name in ADVICE if name not in (*ticks, "advisor")]
     fields = {name: getattr(agent, name) for name in [*names, "start_from", "save_interval"]}
-    fields |= {name: "on" for name in ("enable_learning", "learning_correction") if getattr(agent, name)}
+    fields |= {name: "on" for name in ticks if getattr(agent, name)} | {"advisor": agent.advisor_id or ""}
     fields |= {"action_space": "4", "observation_space": "[[8], -10, 10]"}
     return {name: value for name, value in (fields | changes).items() if value is not None}
 
@@ -71,6 +72,23 @@ def test_each_setting_is_hidden_by_a_condition_on_one_that_is_shown():
     for condition in AgentAdmin.conditional_fields.values():
         assert re.findall("(\\w+) [!=]= ", condition)[0] == "advice_method"
         assert set(re.findall("'(.*?)'", condition)) <= known
+
+
+def test_another_agent_of_the_owner_may_advise(client, ann, fresh, foreign):
+    learned = make_agent("old dog", ann, algorithm="DQN")
+    make_agent("other eyes", ann, observation_space=3)
+    make_agent("without probabilities", ann, algorithm="ARS")
+    field = client.get(url(fresh)).context["adminform"].form.fields["advisor"]
+    assert list(field.queryset) == [learned]
+    save(client, fresh, advisor=str(learned.pk), advisor_save="best", peers_advise=None)
+    fresh.refresh_from_db()
+    assert (fresh.advisor, fresh.advisor_save, fresh.peers_advise) == (learned, "best", False)
+    for stranger in (foreign, fresh):
+        page = save(client, fresh, advisor=str(stranger.pk))
+        assert "advisor" in errors(page)
+    learned.delete()
+    fresh.refresh_from_db()
+    assert fresh.advisor is None
 
 
 def test_an_algorithm_without_advice_says_so(client, ann):

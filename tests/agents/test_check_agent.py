@@ -5,6 +5,7 @@ from django.core.exceptions import ValidationError
 
 from agents_app import services
 from agents_app.models import Agent, Algorithm, User
+from tests.agents.makers import make_agent, make_user
 
 pytestmark = pytest.mark.django_db
 VECTOR, IMAGE, SMALL, DICTIONARY = (
@@ -236,16 +237,52 @@ def test_advice_by_samples_needs_to_know_how_probable_actions_are(algorithm):
         services.set_parameters(other, {"action_noise": ""})
 
 
+def test_an_advisor_is_another_agent_of_the_owner_that_sees_and_does_the_same():
+    young, said = make_agent("young"), []
+    foreign = make_agent("foreign", "somebody")
+    blind, slow = make_agent("blind", observation_space=2), make_agent("slow", action_space=3)
+    for advisor in (young, make_agent("searching", algorithm="ARS"), blind, slow, foreign):
+        young.advisor = advisor
+        with pytest.raises(ValidationError) as caught:
+            young.full_clean()
+        said.append(caught.value.message_dict["advisor"][0])
+    sentences = ["its own advisor", "gives no probabilities", "other actions", "other actions", "somebody else"]
+    assert all(part in sentence for part, sentence in zip(sentences, said, strict=True))
+    young.advisor = make_agent("old", algorithm="DQN", parameters={"net_arch": "9"})
+    young.full_clean()
+
+
+def test_the_execution_knows_the_advisor_and_where_its_saves_are():
+    from envs_app.executions import advisor_spec
+
+    old, young = make_agent("old", parameters={"net_arch": "9"}), make_agent("young")
+    assert advisor_spec(young) is None
+    young.advisor, young.advisor_save = old, "best"
+    spec = advisor_spec(young)
+    assert (spec["name"], spec["rule"], spec["saves"]) == ("old", "best", [str(old.pk), old.current_run().pk])
+    assert spec["agent"]["parameters"]["net_arch"] == "9"
+    old.owner = make_user("somebody")
+    assert advisor_spec(young) is None, "it was given away"
+    old.owner, young.advice_method = young.owner, "none"
+    assert advisor_spec(young) is None
+
+
 def test_the_settings_of_advice_reach_the_execution():
     from agents_app.algorithms.mixing import Mixing
     from envs_app.executions import agent_spec
 
     settings = {"advice_method": "reuse", "psi": 0.2, "continuous_advice": "sampling", "advice_samples": 9}
-    settings |= {"last_word": "advisor", "advice_form": "deterministic", "shaping_scale": 3.0, "rho": 0.7}
+    settings |= {
+        "last_word": "advisor",
+        "advice_form": "deterministic",
+        "shaping_scale": 3.0,
+        "rho": 0.7,
+        "advice_weight": 0.3,
+    }
     settings |= {"advisors": "all", "learning_correction": False}
     spec = agent_spec(agent(**settings), {})
     assert {name: getattr(spec, name) for name in settings} == settings
-    assert spec.mixing() == Mixing("reuse", False, 0.2, "sampling", 9, "advisor")
+    assert spec.mixing() == Mixing("reuse", False, 0.2, "sampling", 9, "advisor", 0.3)
 
 
 def test_reward_shaping_needs_no_correction():

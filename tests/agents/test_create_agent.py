@@ -57,6 +57,12 @@ def test_it_sets_parameters_advice_and_other_fields():
     assert (agent.learning_correction, agent.rho) == (False, 0.5)
 
 
+def test_another_agent_of_the_owner_advises():
+    old = run("--advice=none", name="old dog", algorithm="A2C")
+    young = Agent.objects.get(pk=run("--advisor=old dog", "--set=advisor_save=best", "--set=peers_advise=false")["id"])
+    assert (str(young.advisor_id), young.advisor_save, young.peers_advise) == (old["id"], "best", False)
+
+
 @pytest.mark.parametrize("method", Agent.AdviceMethod.values)
 def test_every_advice_method_can_be_chosen(method):
     agent = Agent.objects.get(pk=run(f"--advice={method}", "--set=advisors=best", "--set=psi=0.2")["id"])
@@ -68,6 +74,7 @@ def test_every_advice_method_can_be_chosen(method):
     [
         (["--advice=intersection"], {"algorithm": "ARS"}, "ARS takes no advice: write none"),
         (["--advice=union"], {"action_space": "[[2], -1, 1]"}, "write intersection or reuse"),
+        (["--advisor=nobody"], {}, "has no agent 'nobody'"),
         (["--set=advisors=worst"], {}, "advisors: Value 'worst' is not a valid choice"),
         ([], {"algorithm": "XPO"}, "write one of A2C"),
         ([], {"observation_space": "vector"}, "is no JSON"),

@@ -29,6 +29,7 @@ ACTIONS = pytest.mark.parametrize(
 METHODS: dict[str, dict[str, Any]] = {
     "intersection": {},
     "sampling": {"continuous_advice": "sampling"},
+    "geometric": {"advice_method": "geometric", "advice_weight": 3 / 7},
     "union": {"advice_method": "union"},
     "reuse": {"advice_method": "reuse", "psi": 0.7},
     "shaping": {"advice_method": "shaping"},
@@ -367,11 +368,14 @@ def equation(name: str, actions: np.ndarray, own: np.ndarray) -> np.ndarray:
     if own.shape[1] == 3:
         product, together = own * SAID_DISCRETE, own + SAID_DISCRETE
         reused = 0.7 * SAID_DISCRETE + 0.3 * own
-        mixed = {"intersection": product, "union": together, "reuse": reused}[name]
+        mean = own**0.7 * SAID_DISCRETE**0.3
+        mixed = {"intersection": product, "geometric": mean, "union": together, "reuse": reused}[name]
         return (mixed / mixed.sum(-1, keepdims=True))[np.arange(4), actions]
     mean, spread, deviation = SAID[:2], SAID[2:], np.ones(2)
     if name == "intersection":
         return gaussian(actions, (own + mean) / 2, deviation)
+    if name == "geometric":
+        return gaussian(actions, 0.7 * own + 0.3 * mean, deviation)
     if name == "reuse":
         return 0.7 * gaussian(actions, mean, spread) + 0.3 * gaussian(actions, own, deviation)
     # The product of two Gaussians is their product over its integral, which is the density of the means' distance.
@@ -381,8 +385,8 @@ def equation(name: str, actions: np.ndarray, own: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("actions", "name"),
-    [(DISCRETE, name) for name in ("intersection", "union", "reuse")]
-    + [(CONTINUOUS, name) for name in ("intersection", "sampling", "reuse")],
+    [(DISCRETE, name) for name in ("intersection", "geometric", "union", "reuse")]
+    + [(CONTINUOUS, name) for name in ("intersection", "geometric", "sampling", "reuse")],
 )
 def test_the_gradient_of_the_corrected_loss_is_that_of_equation_3_1(actions: Any, name: str) -> None:
     """-sum_t R_t log pi(a_t|s_t), by finite differences of the equation in the biases of the last layer."""

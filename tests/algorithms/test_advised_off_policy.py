@@ -19,7 +19,7 @@ from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckA
 from agents_app.algorithms.advice import Gaussian, neutral_advice, product
 from agents_app.algorithms.advised_off_policy import advised_classes
 from agents_app.algorithms.explorers import draw_advice, noise_deviation
-from agents_app.algorithms.mixing import ADVISOR, BY_SAMPLING, REUSE, SHAPING, UNION, Mixing
+from agents_app.algorithms.mixing import ADVISOR, BY_SAMPLING, GEOMETRIC, REUSE, SHAPING, UNION, Mixing
 from agents_app.algorithms.off_policy import OffPolicyActor
 from tests.algorithms.building import built, some
 from tests.algorithms.games import Advised, Identity, Point, mean_return
@@ -31,6 +31,7 @@ EVERY = pytest.mark.parametrize("stock", [*VALUES, *ACTORS])
 METHODS: dict[str, Mixing] = {
     "intersection": Mixing(),
     "sampling": Mixing(continuous=BY_SAMPLING),
+    "geometric": Mixing(GEOMETRIC, weight=4.0),
     "union": Mixing(UNION),
     "reuse": Mixing(REUSE, psi=0.9),
     "shaping": Mixing(SHAPING),
@@ -158,7 +159,7 @@ class TestNeutral:
         assert np.array_equal(ours.replay_buffer.actions, plain.replay_buffer.actions)
 
     @pytest.mark.parametrize("stock", ACTORS)
-    @pytest.mark.parametrize("method", ["intersection", "sampling", "reuse"])
+    @pytest.mark.parametrize("method", ["intersection", "sampling", "geometric", "reuse"])
     def test_a_component_without_advice_stays_the_learners_own(self, stock: Any, method: str) -> None:
         model = here(stock, METHODS[method])
         set_actor(model, [0.4, -0.2])
@@ -181,7 +182,7 @@ class TestChoices:
         assert model.policy.get_distribution(place()).distribution.probs[0].numpy() == pytest.approx(expected)
         assert shares(draws(model, [0.25] * 4)) == pytest.approx(expected, abs=0.03)
 
-    @pytest.mark.parametrize("method", ["intersection", "union", "reuse"])
+    @pytest.mark.parametrize("method", ["intersection", "geometric", "union", "reuse"])
     def test_actions_are_drawn_from_the_mixture(self, stock: Any, method: str) -> None:
         model = here(stock, METHODS[method])
         set_values(model, 2)
@@ -189,6 +190,7 @@ class TestChoices:
         own = np.array([0.1, 0.1, 0.7, 0.1])
         mixed = {
             "intersection": own * self.ADVICE / (own * self.ADVICE).sum(),
+            "geometric": own**0.2 * self.ADVICE**0.8 / (own**0.2 * self.ADVICE**0.8).sum(),
             "union": (own + self.ADVICE) / 2,
             "reuse": 0.9 * self.ADVICE + 0.1 * own,
         }[method]
@@ -283,13 +285,14 @@ class TestNumbers:
         assert heeded.mean() == pytest.approx(0.3, abs=0.03)
 
     @pytest.mark.parametrize("stock", ACTORS)
-    @pytest.mark.parametrize("method", ["intersection", "sampling", "reuse"])
+    @pytest.mark.parametrize("method", ["intersection", "sampling", "geometric", "reuse"])
     def test_the_warm_up_is_a_policy_too_whose_mean_is_the_middle(self, stock: Any, method: str) -> None:
         model = here(stock, METHODS[method])
         model.num_timesteps = 0
         model.action_noise = None
         scaled = (draws(model, self.ADVICE) - [0, 5]) / [4, 5]
-        mean, deviation = {"intersection": (0.23, 0.55), "sampling": (0.5, 0.2), "reuse": (0.45, 0.31)}[method]
+        expected = {"intersection": (0.23, 0.55), "geometric": (0.36, 0.52), "sampling": (0.5, 0.2)}
+        mean, deviation = (expected | {"reuse": (0.45, 0.31)})[method]
         assert scaled.mean(0) == pytest.approx([mean, mean], abs=0.03)
         assert scaled.std(0) == pytest.approx([deviation, deviation], abs=0.04)
 
@@ -329,7 +332,7 @@ class TestProperties:
 
     @given(
         stock=st.sampled_from(ACTORS),
-        method=st.sampled_from(["intersection", "sampling", "reuse"]),
+        method=st.sampled_from(["intersection", "geometric", "sampling", "reuse"]),
         learner=st.lists(st.floats(-100, 100), min_size=2, max_size=2),
         deviation=st.floats(1e-6, 7),
         means=st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=2),
@@ -345,7 +348,7 @@ class TestProperties:
 
     @given(
         stock=st.sampled_from(VALUES),
-        method=st.sampled_from(["intersection", "union", "reuse"]),
+        method=st.sampled_from(["intersection", "geometric", "union", "reuse"]),
         rate=st.floats(0, 1),
         advice=st.lists(st.floats(0, 1, width=32), min_size=4, max_size=4).filter(any),
     )

@@ -13,7 +13,7 @@ from gymnasium import spaces
 
 from agents_app.algorithms import off_policy
 from agents_app.algorithms.advice import neutral_advice
-from agents_app.algorithms.bdpi import BDPI, Batches, correct_intersection, correct_reuse
+from agents_app.algorithms.bdpi import BDPI, Batches, as_intersected, correct_intersection, correct_reuse
 from agents_app.algorithms.ensemble import Ensemble, StackedAdam
 from agents_app.algorithms.mixing import Mixing
 from agents_app.algorithms.replay import Segment, Tape, TapeClosed
@@ -30,7 +30,7 @@ QUICK: dict[str, Any] = {
     "learning_rate": 5e-3,
     "train_freq": 2,
 }
-METHODS = ["intersection", "union", "reuse"]
+METHODS = ["intersection", "geometric", "union", "reuse"]
 
 
 def make(env: gym.Env, **options: Any) -> BDPI:
@@ -199,6 +199,15 @@ def test_eq_3_4_pulls_harder_the_more_the_advice_opposes():
     own, greedy = th.full((1, 3), 1 / 3), th.tensor([[1.0, 0.0, 0.0]])
     pulls = [correct_intersection(greedy, own, th.tensor([[p, 1 - p, 0.0]]))[0, 0].item() for p in (0.9, 0.5, 0.1)]
     assert pulls == sorted(pulls) and pulls[0] < 1 < pulls[2]
+
+
+def test_the_geometric_mean_is_corrected_as_the_intersection_with_the_advice_that_prefers_the_same():
+    own, advice = th.tensor([[0.5, 0.3, 0.2]]), th.tensor([[0.2, 0.7, 0.1]])
+    th.testing.assert_close(as_intersected(advice, 1.0), advice)
+    mean, product = own**0.2 * advice**0.8, own * as_intersected(2 * advice, 2.0)  # of two advisors, weight 2 each
+    th.testing.assert_close(mean / mean.sum(), product**0.2 / (product**0.2).sum())
+    greedy = th.tensor([[0.0, 1.0, 0.0]])
+    assert th.equal(correct_intersection(greedy, own, as_intersected(th.ones(1, 3), 2.0)), greedy)
 
 
 def test_eq_6_1_is_what_the_thesis_says():

@@ -12,11 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agents_app.algorithms.advice import (
+    FLOOR,
     Gaussian,
     acceptance,
     as_order,
     combine,
+    combine_logs,
+    geometric_logits,
     intersect_logits,
+    intersect_mean,
     is_empty,
     is_neutral,
     log_density,
@@ -28,13 +32,17 @@ from agents_app.algorithms.advice import (
     says_nothing,
     shaping_reward,
 )
-from agents_app.algorithms.mixing import ADVISOR, LEARNER, REUSE, SHAPING, UNION, Mixing
+from agents_app.algorithms.mixing import ADVISOR, GEOMETRIC, LEARNER, REUSE, SHAPING, UNION, Mixing
 from tests.algorithms.test_advice import SHARES, arrays, distributions, sizes
 
 N = 4
 METHODS = [
     Mixing(),
     Mixing(last_word=ADVISOR),
+    Mixing(GEOMETRIC),
+    Mixing(GEOMETRIC, weight=0.2),
+    Mixing(GEOMETRIC, weight=50.0),
+    Mixing(GEOMETRIC, weight=0.0),
     Mixing(UNION),
     Mixing(REUSE, psi=0.3),
     Mixing(REUSE, psi=1.0),
@@ -42,7 +50,7 @@ METHODS = [
     Mixing(SHAPING),
 ]
 EVERY = pytest.mark.parametrize(
-    "mixing", METHODS, ids=lambda mixing: f"{mixing.method} {mixing.psi} {mixing.last_word}"
+    "mixing", METHODS, ids=lambda mixing: f"{mixing.method} {mixing.psi} {mixing.weight} {mixing.last_word}"
 )
 BOX = spaces.Box(-1, 1, (3,), np.float32)
 
@@ -155,6 +163,52 @@ class TestIntersection:
     def test_advice_with_the_floor_is_no_order(self) -> None:
         softened = combine([np.array([1, 0, 0], np.float32)], 1.0)
         assert intersect_logits(np.array([0, 0, 30], np.float32), softened).argmax() == 2
+
+
+class TestGeometricMean:
+    @given(arrays(N, -50, 50), st.lists(distributions(N), min_size=1, max_size=4), st.floats(0, 5))
+    def test_it_is_the_weighted_mean_of_the_logarithms_of_all(
+        self, logits: np.ndarray, advisors: list[np.ndarray], weight: float
+    ) -> None:
+        product = np.log(softmax(logits))
+        for advisor in advisors:
+            product = product + weight * np.log(advisor.astype(np.float64) + FLOOR)
+        expected = softmax(product / (1 + weight * len(advisors)))
+        assert softmax(geometric_logits(logits, combine_logs(advisors, 1.0), weight)) == pytest.approx(
+            expected, abs=1e-4
+        )
+
+    @given(st.lists(distributions(N), min_size=1, max_size=6), SHARES)
+    def test_combined_advice_sums_to_the_number_of_advisors_in_whichever_order(
+        self, advisors: list[np.ndarray], rho: float
+    ) -> None:
+        combined = combine_logs(advisors, rho)
+        assert combined.dtype == np.float32
+        assert (combined > 0).all()
+        assert combined.sum() == pytest.approx(len(advisors), rel=1e-5)
+        assert combine_logs(advisors[::-1], rho) == pytest.approx(combined, rel=1e-3)
+
+    @given(distributions(N), st.floats(0, 5), st.integers(1, 4))
+    def test_it_is_no_surer_than_those_who_agree(self, policy: np.ndarray, weight: float, count: int) -> None:
+        said = ((policy + 1e-4) / (policy + 1e-4).sum()).astype(np.float32)
+        mixed = geometric_logits(np.log(said), combine_logs([said] * count, 1.0), weight)
+        assert softmax(mixed) == pytest.approx(said, abs=1e-3)
+        assert softmax(intersect_logits(np.log(said), said)).max() >= said.max() - 1e-6
+
+    @given(arrays(N, -30, 30), st.integers(0, N - 1))
+    def test_an_order_is_obeyed(self, logits: np.ndarray, action: int) -> None:
+        order = np.eye(N, dtype=np.float32)[action]
+        assert softmax(geometric_logits(logits, order, 1.0)) == pytest.approx(order, abs=1e-20)
+
+    @given(gaussians(2), arrays(2, -100, 100), SHARES)
+    def test_of_gaussians_of_one_deviation_it_is_the_gaussian_between(
+        self, own: Gaussian, told: np.ndarray, part: float
+    ) -> None:
+        between = Gaussian(intersect_mean(own.mean, np.concatenate([told, own.deviation]), part), own.deviation)
+        actions = own.mean + own.deviation * np.array([[0.0], [1.0]])
+        mixed = (1 - part) * log_density(actions, own) + part * log_density(actions, Gaussian(told, own.deviation))
+        differences = np.diff(mixed)[0], np.diff(log_density(actions, between))[0]
+        assert differences[0] == pytest.approx(differences[1], rel=1e-2, abs=1e-2)
 
 
 class TestReuse:

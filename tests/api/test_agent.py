@@ -14,8 +14,22 @@ def test_it_describes_the_agent_of_the_key(api, agent, manage_key):
     assert described["run"] == 1
     assert described["enable_learning"] is True
     assert described["advice"] == {
-        **{"method": "intersection", "advisors": "random", "form": "soft", "rho": 1.0, "continuous": "mean"},
-        **{"samples": 64, "last_word": "learner", "psi": 0.5, "shaping_scale": 1.0, "learning_correction": True},
+        **{
+            "method": "intersection",
+            "advisors": "random",
+            "peers_advise": True,
+            "advisor": None,
+            "advisor_save": "latest",
+        },
+        **{"form": "soft", "rho": 1.0, "continuous": "mean"},
+        **{
+            "samples": 64,
+            "last_word": "learner",
+            "weight": 1.0,
+            "psi": 0.5,
+            "shaping_scale": 1.0,
+            "learning_correction": True,
+        },
     }
 
 

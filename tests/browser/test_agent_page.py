@@ -138,6 +138,7 @@ def test_the_settings_of_advice_show_what_the_method_asks(page, agent, complaint
     for name, asked in [
         ("reuse", always | {"psi", "learning_correction"}),
         ("shaping", always | {"shaping_scale"}),
+        ("geometric", always | {"advice_weight", "learning_correction"}),
         ("none", set()),
         ("union", always | {"learning_correction"}),
     ]:

@@ -121,6 +121,7 @@ def test_a_save_restores_what_is_advised(tmp_path: Path, algorithm: str) -> None
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "reward": {"advice_method": "shaping"},
+    "geometric": {"advice_method": "geometric", "advice_weight": 2.0},
     "union": {"advice_method": "union"},
     "reuse": {"advice_method": "reuse", "advisors": "best"},
     "order": {"continuous_advice": "sampling", "advice_form": "deterministic", "last_word": "advisor"},

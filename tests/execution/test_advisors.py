@@ -195,6 +195,18 @@ class TestWhoAdvises:
             assert advice_of(station) == pytest.approx(summed / summed.sum(), abs=1e-4)
             assert station.worker.status()["advisors"] == [2, 3, 4]
 
+    @pytest.mark.parametrize("form", ["soft", "deterministic"])
+    def test_or_by_the_geometric_mean_of_which_each_has_its_weight(self, tmp_path: Path, form: str) -> None:
+        options: dict[str, Any] = {"advice_method": "geometric", "advisors": "all", "advice_form": form}
+        with Station(tmp_path, advice_weight=0.5, **options) as station:
+            strengths = [2.0, 1.0, 3.0]
+            for action, strength in enumerate(strengths):
+                station.peers.put(2 + action, leaning(station, action, strength))
+            expected = np.exp(np.array(strengths) / 3)
+            order = np.array([0, 0, expected.sum()])
+            wanted = order if form == "deterministic" else expected
+            assert advice_of(station) == pytest.approx(3 * wanted / wanted.sum(), abs=1e-4)
+
     def test_of_continuous_actions_by_mean_it_is_the_mean_of_the_means(self, tmp_path: Path) -> None:
         with advised(tmp_path, advisors="all", actions=CONTINUOUS) as station:
             station.peers.put(2, leaning(station, 1, 8.0))
@@ -252,6 +264,7 @@ class TestForm:
 
 METHODS: list[dict[str, Any]] = [
     {"advice_method": "intersection", "continuous_advice": "sampling"},
+    {"advice_method": "geometric", "advice_weight": 2.0},
     {"advice_method": "union"},
     {"advice_method": "reuse"},
     {"advice_method": "shaping"},

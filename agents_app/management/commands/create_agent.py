@@ -35,6 +35,7 @@ class Command(BaseCommand):
         default = "(default: intersection, or none where the algorithm takes none)"
         parser.add_argument("--advice", choices=Agent.AdviceMethod.values, help=f"advice method {default}")
         parser.add_argument("--no-learning-correction", action="store_true", help="learn as if there were no advice")
+        parser.add_argument("--advisor", metavar="NAME", help="another agent of the owner, whose latest save advises")
         parser.add_argument("--rho", type=float, help="influence of the advice, 0 to 1 (default: 1)")
         parser.add_argument("--publishable", action="store_true", help="also make a key for web pages of this server")
         parser.add_argument("--origin", action="append", default=[], help="and of this origin: https://example.org")
@@ -60,6 +61,7 @@ def make(options: dict[str, Any]) -> dict[str, str]:
     texts = dict(pair(text) for text in options["parameter"])
     values = {name: services.parse_value(known[name], text) if name in known else text for name, text in texts.items()}
     owner = User.objects.filter(name=options["owner"]).first() or User.objects.create_user(options["owner"])
+    options["advisor"] = options["advisor"] and advisor_of(owner, options["advisor"])
     agent = services.create_agent(owner, fields_of(options) | {"algorithm": algorithm}, values)
     made = {"id": str(agent.pk), "name": agent.name, "api_key": APIKey.issue(agent, name="create_agent")[1]}
     if options["publishable"] or options["origin"]:
@@ -75,11 +77,18 @@ def fields_of(options: dict[str, Any]) -> dict[str, Any]:
         fields[name] = space(name, options[name])
     if options["advice"]:
         fields["advice_method"] = options["advice"]
-    if options["rho"] is not None:
-        fields["rho"] = options["rho"]
+    fields |= {name: options[name] for name in ("rho", "advisor") if options[name] is not None}
     if options["no_learning_correction"]:
         fields["learning_correction"] = False
     return fields | dict(field(text) for text in options["set"])
+
+
+def advisor_of(owner: User, name: str) -> Agent:
+    """An agent of the owner. Raises ValidationError."""
+    advisor = owner.agents.filter(name=name).first()
+    if advisor is None:
+        raise ValidationError({"advisor": f"{owner.name} has no agent {name!r}."})
+    return advisor
 
 
 def space(name: str, text: str) -> Any:

@@ -38,6 +38,8 @@ class LocalTransport(Transport):
         """Have the parent fork."""
         spec = {**spec, "saves": str(self.places.saves(claim.agent, claim.run))}
         spec["turns"] = str(self.places.run)
+        if advisor := spec.get("advisor"):
+            spec["advisor"] = {**advisor, "saves": str(self.places.saves(*advisor["saves"]))}
         message = {"k": "launch", "claim": asdict(claim), "spec": spec, "max_percent_cpu": max_percent_cpu}
         return self._address(self._ask({**message, "exclude": list(exclude)}))
 
