@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from typing import Any
 from uuid import uuid4
 
@@ -112,19 +113,27 @@ def test_a_session_steps_only_from_the_pages_of_its_key(server: Server):
     with httpx.Client(base_url=server.url, timeout=60) as http:
 
         def post(path: str, body: Any, key: str = "", origin: str = PAGE) -> httpx.Response:
-            headers = {"Authorization": f"Bearer {key}", **({"Origin": origin} if origin else {})}
-            return http.post(path, json=body, headers=headers)
+            headers = {"Authorization": f"Bearer {key}"} if key else {}
+            headers |= {"Origin": origin} if origin else {}
+            answer = http.post(path, json=body, headers=headers)
+            for _ in range(60):
+                if answer.status_code != 503:  # the first execution may take its time
+                    break
+                time.sleep(1)
+                answer = http.post(path, json=body, headers=headers)
+            return answer
 
         key = post("api/v1/sessions", {}, made["publishable_key"]).json()["session_key"]
         old = {"session_key": key, "obs": [0, 0, 0, 0]}
-        assert post("api/v1/step", body, key).json()["action"] in (0, 1)
+        first = post("api/v1/step", body, key)
+        assert first.json().get("action") in (0, 1), first.text
         assert post("api/v1/step", body, key, server.url.rstrip("/")).json()["action"] in (0, 1)
         assert post("shepherd/env/", old).json()["action"] in (0, 1)
         for origin in (FOREIGN, ""):
             refused = post("api/v1/step", body, key, origin)
             assert (refused.status_code, refused.json()["code"]) == (403, "forbidden")
             assert post("shepherd/env/", old, origin=origin).status_code == 403
-        assert post("api/v1/step", body, key).json()["seq"] == 4
+        assert post("api/v1/step", body, key).json()["seq"] == first.json()["seq"] + 3  # what was refused is no step
 
 
 @pytest.mark.parametrize(
