@@ -14,7 +14,7 @@ WORKERS ?= $(shell echo $$(( $$(nproc) + 1 )))# one more than cores: tests that 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run demo test bench experiments lint format clean
+.PHONY: help setup run demo test bench experiments lint audit format clean
 
 help:  ## List the commands
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /make \1\t/' | expand -t 20
@@ -42,6 +42,12 @@ lint: $(VENV)/.dev  ## Check style, types, migrations and settings
 	$(BIN)/mypy .
 	$(BIN)/python manage.py makemigrations --check --dry-run
 	$(BIN)/python manage.py check
+
+audit: $(VENV)/.dev  ## Look for dangerous code, settings and dependencies (the last needs the network)
+	$(BIN)/bandit --quiet --configfile pyproject.toml --recursive agents_app envs_app shepherd clients manage.py
+	SHEPHERD_TLS=1 SHEPHERD_ALLOWED_HOSTS=shepherd.example $(BIN)/python manage.py check --deploy --fail-level WARNING
+	@$(BIN)/pip freeze --exclude-editable | $(BIN)/pip-audit --strict --no-deps --disable-pip --requirement /dev/stdin || { \
+		echo "pip-audit says above what it found, or what it could not look up; what was not looked up is not known to be safe."; exit 1; }
 
 format: $(VENV)/.dev  ## Format the code
 	$(BIN)/ruff check --fix .

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator
+from datetime import timedelta
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -134,6 +135,29 @@ def delete_agent(agent: Agent) -> None:
     for run in agent.runs.all():
         delete_saves(run)
     agent.delete()
+
+
+@transaction.atomic
+def renew_key(key: APIKey, days: int) -> tuple[APIKey, str]:
+    """A key that opens the same, and its secret; the old one goes on for `days`, so that its clients can be changed in peace.
+
+    Raises ValidationError if the old one opens nothing any more, or has a successor already.
+    """
+    key = APIKey.objects.select_for_update().get(pk=key.pk)
+    if not key.is_valid() or key.successor_id:
+        raise ValidationError(f"{key} has a successor already, or opens nothing any more: make a new key.")
+    successor, secret = APIKey.issue(
+        key.agent,
+        key.name,
+        key.scope,
+        publishable=key.publishable,
+        origins=key.origins,
+        steps_per_minute=key.steps_per_minute,
+    )
+    end = timezone.now() + timedelta(days=days)
+    key.successor, key.expires_at = successor, min(end, key.expires_at or end)
+    key.save(update_fields=["successor", "expires_at"])
+    return successor, secret
 
 
 def revoke_key(key: APIKey) -> None:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections import OrderedDict
 from datetime import timedelta
-from threading import Lock
 from typing import Any, cast
 
 import structlog
@@ -15,54 +12,26 @@ from rest_framework.permissions import BasePermission
 from rest_framework.request import Request
 
 from agents_app.models import APIKey, User, hash_key
-from envs_app.errors import Forbidden, InvalidApiKey, Throttled
-from envs_app.guards import guard_of
+from envs_app.errors import Forbidden, InvalidApiKey
+from envs_app.guards import check_page
 from envs_app.requests import Caller, read_bearer
+from envs_app.throttles import count_wrong_key
 
 log = structlog.get_logger("shepherd.http")
 
 USED_EVERY = timedelta(minutes=1)  # how exact "last used" is; it costs a write
 
 
-class FailedLogins:
-    """Counts wrong keys by address and, past a number of them, has the address wait.
-
-    A right key is always let through, also from an address that waits: keys of 192 random bits cannot be guessed, and
-    nobody shall lock out the others of a class room or behind a proxy. What is spared is the log and a looping client.
-    """
-
-    def __init__(self, allowed: int = 20, seconds: float = 60.0, addresses: int = 10_000) -> None:
-        self.allowed, self.seconds, self.addresses = allowed, seconds, addresses
-        self.counts: OrderedDict[str, tuple[float, int]] = OrderedDict()  # the end of the address's minute, wrong keys
-        self.lock = Lock()
-
-    def add(self, address: str) -> None:
-        """Count a wrong key. Raises Throttled if there were too many."""
-        now = time.monotonic()
-        with self.lock:
-            end, count = self.counts.get(address, (0.0, 0))
-            end, count = (end, count + 1) if now < end else (now + self.seconds, 1)
-            self.counts[address] = end, count
-            while len(self.counts) > self.addresses:
-                self.counts.popitem(last=False)
-        if count > self.allowed:
-            raise Throttled("Too many wrong API keys came from this address; wait, then check the key.", end - now)
-
-
-failed_logins = FailedLogins()
-
-
 def find_api_key(secret: str | None, caller: Caller) -> APIKey:
     """The key with its agent, noted as used. Raises InvalidApiKey, Throttled after many wrong ones, or Forbidden."""
     key = _look_up(secret) if secret else None
     if key is None:
-        failed_logins.add(caller.address)
-        log.info("wrong API key", address=caller.address)
+        count_wrong_key(caller.network)
+        log.info("wrong API key", address=caller.network)
         raise InvalidApiKey(
             "The API key is unknown, revoked or expired; send a valid one as 'Authorization: Bearer <API key>'."
         )
-    if guard := guard_of(key):
-        guard.admit(caller)
+    check_page(key, caller)
     _note_use(key)
     return key
 

@@ -14,7 +14,7 @@ from django.conf import settings
 from django.db import transaction
 from django.utils import timezone
 
-from agents_app import curves
+from agents_app import audit, curves
 from agents_app.models import Execution, ExecutionError, Run, Save, Session
 from envs_app.fleet import TransportFleet
 from envs_app.transports.choice import get_transport
@@ -50,6 +50,7 @@ class Keeper:
                 close_old_sessions()
                 forget_closed_sessions()
                 curves.catch_up()
+                audit.forget_old()
 
     def _write(self, events: list[dict[str, Any]]) -> None:
         with transaction.atomic():

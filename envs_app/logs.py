@@ -54,6 +54,7 @@ def logging_config(level: str, form: str) -> dict[str, Any]:
         "loggers": {
             "django": {"handlers": [], "level": level, "propagate": True},
             "django.server": {"handlers": [], "level": level, "propagate": True},
+            "axes": {"level": "WARNING"},  # agents_app.audit says what was done
         },
     }
 

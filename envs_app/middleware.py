@@ -11,6 +11,7 @@ from django.urls import resolve
 from envs_app.problems import reply_to
 
 API_PATHS = ("/api/", "/shepherd/", "/healthz", "/readyz", "/metrics")
+PAGES = ("/api/docs/",)  # among them, for people
 
 
 class ApiLane:
@@ -24,7 +25,7 @@ class ApiLane:
 
     def __call__(self, request: HttpRequest) -> HttpResponseBase:
         """The reply of the API, or of whatever else the request is for."""
-        if not request.path_info.startswith(API_PATHS):
+        if not request.path_info.startswith(API_PATHS) or request.path_info.startswith(PAGES):
             return self.get_response(request)
         try:
             response = _call_view(request)

@@ -129,6 +129,7 @@ ORIGIN = errors.Forbidden("This publishable key was used from a page of https://
 START = (errors.QuotaExceeded(retry_after=1.25), errors.NoCapacity(retry_after=2.0))
 STEP = (
     ORIGIN,
+    errors.Throttled(retry_after=3.5),
     errors.InvalidObservation("obs[3] is nan; a finite number is expected."),
     errors.InvalidReward("reward is null; a finite number is expected."),
     errors.StepPending(),

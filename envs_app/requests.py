@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from ipaddress import IPv6Address, IPv6Network
 from typing import Any
 
 import orjson
@@ -48,9 +49,10 @@ class Caller:
         return self._request.get_host().lower()
 
     @property
-    def address(self) -> str:
-        """The network address."""
-        return address_of(self._request)
+    def network(self) -> str:
+        """Whom a throttle counts: the network address, or of IPv6 the /64, within which a client may choose."""
+        address = address_of(self._request)
+        return _prefix_of(address) if ":" in address else address
 
 
 def address_of(request: HttpRequest) -> str:
@@ -59,6 +61,14 @@ def address_of(request: HttpRequest) -> str:
 
     forwarded = request.META.get("HTTP_X_FORWARDED_FOR", "") if settings.BEHIND_TLS else ""
     return forwarded.rpartition(",")[2].strip() or request.META.get("REMOTE_ADDR", "")
+
+
+def _prefix_of(address: str) -> str:
+    try:
+        full = IPv6Address(address)
+    except ValueError:
+        return address
+    return str(full.ipv4_mapped or IPv6Network((int(full) >> 64 << 64, 64)))
 
 
 def _read_lenient(request: HttpRequest, body: bytes, error: orjson.JSONDecodeError) -> Any:

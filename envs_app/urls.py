@@ -1,7 +1,7 @@
 """The addresses of the API. The most frequent one comes first, as Django tries them in order."""
 
 from django.urls import URLPattern, path, re_path
-from drf_spectacular.views import SpectacularAPIView, SpectacularSwaggerView
+from drf_spectacular.views import SpectacularAPIView, SpectacularSwaggerSplitView
 
 from envs_app.views.agent import AgentView, ModelView, ReturnsView
 from envs_app.views.health import HealthView, ReadyView
@@ -23,5 +23,5 @@ urlpatterns: list[URLPattern] = [
     path("readyz", ReadyView.as_view(), name="ready"),
     path("metrics", MetricsView.as_view(), name="metrics"),
     path("api/schema/", SpectacularAPIView.as_view(), name="schema"),
-    path("api/docs/", SpectacularSwaggerView.as_view(url_name="schema"), name="docs"),
+    path("api/docs/", SpectacularSwaggerSplitView.as_view(url_name="schema"), name="docs"),
 ]

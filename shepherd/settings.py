@@ -1,15 +1,19 @@
 """Settings of Shepherd, from environment variables only; with none set, a clean checkout runs (docs/operations.md)."""
 
+from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 from envs_app.logs import logging_config
 from shepherd import env
+from shepherd.csp import STRICT
 from shepherd.theme import UNFOLD as UNFOLD  # the look of the admin
 
 BASE_DIR = Path(__file__).resolve().parent.parent
 DATA_DIR = Path(env.text("SHEPHERD_DATA") or BASE_DIR / "var").resolve()
 
 SECRET_KEY = env.secret("SHEPHERD_SECRET_KEY", DATA_DIR / "secrets")
+SECRET_KEY_FALLBACKS = env.words("SHEPHERD_OLD_SECRET_KEYS")
 DEBUG = env.boolean("SHEPHERD_DEBUG", False)
 ALLOWED_HOSTS = [*env.words("SHEPHERD_ALLOWED_HOSTS", "*"), "localhost", "127.0.0.1", "[::1]"]  # health checks
 CSRF_TRUSTED_ORIGINS = env.words("SHEPHERD_TRUSTED_ORIGINS")
@@ -23,7 +27,9 @@ INSTALLED_APPS = [
     "django.contrib.sessions",
     "django.contrib.messages",
     "django.contrib.staticfiles",
+    "axes",
     "corsheaders",
+    "csp",
     "rest_framework",
     "drf_spectacular",
     "drf_spectacular_sidecar",
@@ -35,6 +41,7 @@ MIDDLEWARE = [
     "django.middleware.security.SecurityMiddleware",
     "corsheaders.middleware.CorsMiddleware",
     "envs_app.middleware.ApiLane",  # the API stops here; what follows is for pages
+    "shepherd.csp.PolicyMiddleware",
     "whitenoise.middleware.WhiteNoiseMiddleware",
     "django.contrib.sessions.middleware.SessionMiddleware",
     "django.middleware.common.CommonMiddleware",
@@ -42,6 +49,7 @@ MIDDLEWARE = [
     "django.contrib.auth.middleware.AuthenticationMiddleware",
     "django.contrib.messages.middleware.MessageMiddleware",
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
+    "axes.middleware.AxesMiddleware",
 ]
 ROOT_URLCONF = "shepherd.urls"
 WSGI_APPLICATION = "shepherd.wsgi.application"
@@ -86,6 +94,27 @@ WHITENOISE_USE_FINDERS = True
 
 SECURE_CONTENT_TYPE_NOSNIFF = True
 X_FRAME_OPTIONS = "DENY"
+CONTENT_SECURITY_POLICY = {"DIRECTIVES": STRICT}
+
+# Log-in to the admin: after so many wrong passwords for a name from an address, both wait together (django-axes).
+PASSWORDS = "django.contrib.auth.password_validation"
+AUTHENTICATION_BACKENDS = ["axes.backends.AxesStandaloneBackend", "django.contrib.auth.backends.ModelBackend"]
+AUTH_PASSWORD_VALIDATORS: list[dict[str, Any]] = [
+    {"NAME": f"{PASSWORDS}.UserAttributeSimilarityValidator", "OPTIONS": {"user_attributes": ["name"]}},
+    {"NAME": f"{PASSWORDS}.MinimumLengthValidator", "OPTIONS": {"min_length": 10}},
+    {"NAME": f"{PASSWORDS}.CommonPasswordValidator"},
+    {"NAME": f"{PASSWORDS}.NumericPasswordValidator"},
+]
+AXES_FAILURE_LIMIT = env.integer("SHEPHERD_WRONG_PASSWORDS", 5, 1)
+AXES_COOLOFF_TIME = timedelta(minutes=15)
+AXES_LOCKOUT_PARAMETERS = [["username", "ip_address"]]  # so that nobody can lock out somebody elsewhere
+AXES_RESET_ON_SUCCESS = True
+AXES_USERNAME_FORM_FIELD = "username"
+AXES_CLIENT_IP_CALLABLE = "envs_app.requests.address_of"
+AXES_LOCKOUT_CALLABLE = "agents_app.admin.audit.locked_out"
+AXES_ENABLE_ADMIN = False  # agents_app.admin.audit shows it
+AXES_VERBOSE = False
+AUDIT_DAYS = env.integer("SHEPHERD_AUDIT_DAYS", 365, 1)  # how long actions in the admin and log-ins are kept
 if BEHIND_TLS:
     SECURE_PROXY_SSL_HEADER = ("HTTP_X_FORWARDED_PROTO", "https")
     SECURE_REDIRECT_EXEMPT = ["^(healthz|readyz|metrics)$"]  # asked by machines beside this one
@@ -104,6 +133,10 @@ SESSION_DAYS = env.integer("SHEPHERD_SESSION_DAYS", 30, 1)  # a session without 
 STEP_TIMEOUT = env.integer("SHEPHERD_STEP_TIMEOUT", 20, 1)  # seconds until a step is answered with a 503
 SAVES_KEPT = env.integer("SHEPHERD_SAVES_KEPT", 5, 1)  # per execution; the best one of a run is always kept
 MAX_BODY_BYTES = env.integer("SHEPHERD_MAX_BODY_BYTES", 8 * 2**20, 1024)
+WRONG_KEYS = env.integer("SHEPHERD_WRONG_KEYS", 20)  # throttles, a minute; 0: none
+LOGINS = env.integer("SHEPHERD_LOGINS", 6000)
+PUBLISHABLE_LOGINS = env.integer("SHEPHERD_PUBLISHABLE_LOGINS", 120)
+PUBLISHABLE_STEPS = env.integer("SHEPHERD_PUBLISHABLE_STEPS", 1200)
 WEB_WORKERS = env.integer("SHEPHERD_WEB_WORKERS", 1, 1)
 WEB_THREADS = env.integer("SHEPHERD_WEB_THREADS", 128, 1)
 MIN_FREE_MB = env.integer("SHEPHERD_MIN_FREE_MB", 200)  # `serve` does not start with less room on the disk

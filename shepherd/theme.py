@@ -7,9 +7,9 @@ from django.templatetags.static import static
 from django.urls import reverse_lazy
 
 
-def _link(title: str, icon: str, model: str, **more: Any) -> dict[str, Any]:
+def _link(title: str, icon: str, model: str, app: str = "agents_app", **more: Any) -> dict[str, Any]:
     """An entry of the sidebar, to the list of a model."""
-    return {"title": title, "icon": icon, "link": reverse_lazy(f"admin:agents_app_{model}_changelist"), **more}
+    return {"title": title, "icon": icon, "link": reverse_lazy(f"admin:{app}_{model}_changelist"), **more}
 
 
 def _group(title: str, *items: dict[str, Any]) -> dict[str, Any]:
@@ -21,6 +21,7 @@ def is_superuser(request: HttpRequest) -> bool:
     return bool(request.user.is_superuser)
 
 
+FOR_SUPERUSERS = "shepherd.theme.is_superuser"
 UNFOLD = {
     "SITE_TITLE": "Shepherd",
     "SITE_HEADER": "Shepherd",
@@ -67,7 +68,10 @@ UNFOLD = {
             ),
             _group(
                 "People",
-                _link("Users", "group", "user", permission="shepherd.theme.is_superuser"),
+                _link("Users", "group", "user", permission=FOR_SUPERUSERS),
+                _link("Actions", "history", "logentry", "admin", permission=FOR_SUPERUSERS),
+                _link("Log-ins", "login", "accesslog", "axes", permission=FOR_SUPERUSERS),
+                _link("Wrong passwords", "lock", "accessattempt", "axes", permission=FOR_SUPERUSERS),
                 {"title": "Your password", "icon": "password", "link": reverse_lazy("admin:password_change")},
             ),
         ],

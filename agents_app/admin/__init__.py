@@ -3,8 +3,8 @@
 from django.contrib import admin
 from django.contrib.auth.models import Group
 
-from agents_app.admin import agents, catalogue, history, keys, users
+from agents_app.admin import agents, audit, catalogue, history, keys, users
 
 admin.site.unregister(Group)  # what one may do follows from what one owns
 
-__all__ = ["agents", "catalogue", "history", "keys", "users"]
+__all__ = ["agents", "audit", "catalogue", "history", "keys", "users"]

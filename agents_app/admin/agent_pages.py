@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from django.contrib import messages
+from django.core.exceptions import ValidationError
 from django.http import (
     FileResponse,
     Http404,
@@ -29,7 +30,7 @@ from django.utils.cache import add_never_cache_headers
 from django.utils.text import slugify
 
 from agents_app import curves, services
-from agents_app.admin.key_form import KeyForm
+from agents_app.admin.key_form import KeyForm, RenewalForm, sentences_of
 from agents_app.fleet import get_fleet
 from agents_app.models import Agent, APIKey, ExecutionError, Run
 
@@ -112,6 +113,7 @@ class AgentPages:
             "model.zip": self.model_view,
             "do/<slug:name>/": self.action_view,
             "keys/": self.make_key_view,
+            "keys/<int:key_id>/renew/": self.renew_key_view,
             "keys/<int:key_id>/revoke/": self.revoke_key_view,
         }
         site = self.admin_site  # type: ignore[attr-defined]
@@ -203,11 +205,32 @@ class AgentPages:
             return HttpResponseNotAllowed(["POST"])
         form = KeyForm(request.POST)
         if not form.is_valid():
-            return back(request, agent, f"No key was made. {form.sentences()}")
+            return back(request, agent, f"No key was made. {sentences_of(form)}")
         key, secret = form.issue(agent)
         self.log_change(request, agent, f"API key {key} made")  # type: ignore[attr-defined]
+        return self.show_key(request, agent, key, secret)
+
+    def show_key(self, request: HttpRequest, agent: Agent, key: APIKey, secret: str) -> HttpResponse:
+        """The only page that ever shows a secret."""
         server = request.build_absolute_uri("/").rstrip("/")
         return self.page(request, agent, "key_made", key=key, secret=secret, server=server, title="A new API key")
+
+    def renew_key_view(self, request: HttpRequest, object_id: str, key_id: int) -> HttpResponse:
+        """GET asks for how long the old key goes on, POST makes its successor."""
+        agent = self.agent_of(request, object_id)
+        key = get_object_or_404(APIKey, pk=key_id, agent=agent)
+        if request.method != "POST":
+            return self.page(request, agent, "key_renewal", key=key, title=f"Renew {key} {key.name}")
+        form = RenewalForm(request.POST)
+        if not form.is_valid():
+            return back(request, agent, f"No key was made. {sentences_of(form)}")
+        try:
+            successor, secret = services.renew_key(key, form.cleaned_data["days"])
+        except ValidationError as error:
+            return back(request, agent, " ".join(error.messages))
+        days = form.cleaned_data["days"]
+        self.log_change(request, agent, f"API key {key} renewed as {successor}, and ends in {days} days")  # type: ignore[attr-defined]
+        return self.show_key(request, agent, successor, secret)
 
     def revoke_key_view(self, request: HttpRequest, object_id: str, key_id: int) -> HttpResponse:
         """GET asks, POST revokes."""

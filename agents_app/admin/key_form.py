@@ -15,6 +15,17 @@ from agents_app.origins import read_origins
 PUBLISHABLE = "publishable"
 
 
+class RenewalForm(forms.Form):
+    """For how long the old key goes on beside the new one."""
+
+    days = forms.IntegerField(min_value=0, max_value=365)
+
+
+def sentences_of(form: forms.Form) -> str:
+    """What is wrong with a form, for a message."""
+    return " ".join(str(sentence) for sentences in form.errors.values() for sentence in sentences)
+
+
 class KeyForm(forms.Form):
     """What kind of key, and for how long."""
 
@@ -27,6 +38,7 @@ class KeyForm(forms.Form):
         ]
     )
     origins = forms.CharField(max_length=2000, required=False)
+    budget = forms.IntegerField(min_value=1, max_value=10**9, required=False)
     days = forms.IntegerField(min_value=1, max_value=3650, required=False)
 
     def clean_origins(self) -> list[str]:
@@ -40,10 +52,6 @@ class KeyForm(forms.Form):
             raise ValidationError("Only publishable keys are bound to web pages: choose Publishable, or name no page.")
         return data
 
-    def sentences(self) -> str:
-        """What is wrong, for a message."""
-        return " ".join(str(sentence) for sentences in self.errors.values() for sentence in sentences)
-
     def issue(self, agent: Agent) -> tuple[APIKey, str]:
         """The key, and its secret."""
         data = self.cleaned_data
@@ -54,5 +62,6 @@ class KeyForm(forms.Form):
             APIKey.Scope.STEP if publishable else data["scope"],
             publishable=publishable,
             origins=data["origins"],
+            steps_per_minute=data["budget"],
             expires_at=timezone.now() + timedelta(days=data["days"]) if data["days"] else None,
         )

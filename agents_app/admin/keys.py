@@ -24,7 +24,7 @@ class APIKeyAdmin(ReadOnlyAdmin):
     list_select_related = ("agent",)
     search_fields = ("name", "prefix", "agent__name")
     fields: Any = ("agent", "name", "prefix", "kind", "published", "state", "created_at", "last_used_at", "expires_at")
-    fields += ("revoked_at",)
+    fields += ("steps_per_minute", "successor", "revoked_at")
     readonly_fields = ("kind", "published", "state")
     actions = ["revoke"]
 
@@ -33,6 +33,7 @@ class APIKeyAdmin(ReadOnlyAdmin):
         """Close them, and the sessions that they opened."""
         for key in keys:
             services.revoke_key(key)
+            self.log_change(request, key, "Revoked")
         messages.success(request, f"{len(keys)} revoked.")
 
     @display(description="Scope", ordering="scope")

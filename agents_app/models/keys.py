@@ -7,6 +7,7 @@ import secrets
 from collections.abc import Iterable
 from datetime import datetime
 
+from django.core.validators import MinValueValidator
 from django.db import models
 from django.utils import timezone
 
@@ -41,6 +42,10 @@ class APIKey(models.Model):
     origins = models.JSONField(
         default=list, blank=True, help_text="Web pages that may use a publishable key, e.g. https://example.org."
     )
+    steps_per_minute = models.PositiveIntegerField(
+        null=True, blank=True, validators=[MinValueValidator(1)], help_text="Of all clients together; empty: no limit."
+    )
+    successor = models.OneToOneField("self", models.SET_NULL, null=True, editable=False, related_name="predecessor")
     created_at = models.DateTimeField("created", default=timezone.now, editable=False)
     last_used_at = models.DateTimeField("last used", null=True, editable=False)
     expires_at = models.DateTimeField("expires", null=True, blank=True)
@@ -68,6 +73,7 @@ class APIKey(models.Model):
         publishable: bool = False,
         origins: Iterable[str] = (),
         expires_at: datetime | None = None,
+        steps_per_minute: int | None = None,
     ) -> tuple[APIKey, str]:
         """Make and keep a key of `agent`; the second value is the secret, which nobody can read again unless it is
         publishable. Publishable keys have the scope `step`, and origins as `read_origin` gives them."""
@@ -81,6 +87,7 @@ class APIKey(models.Model):
             published=secret if publishable else "",
             origins=list(origins) if publishable else [],
             expires_at=expires_at,
+            steps_per_minute=steps_per_minute,
         )
         return key, secret
 

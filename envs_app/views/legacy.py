@@ -10,6 +10,7 @@ from envs_app.renderers import json_response
 from envs_app.requests import Caller, read_object
 from envs_app.serializers import read_legacy_step, read_text
 from envs_app.sessions import close_session, open_session
+from envs_app.throttles import count_login
 from envs_app.views.slim import SlimView
 from envs_app.views.step import timed_step
 
@@ -20,7 +21,9 @@ class LoginView(SlimView):
     @openapi.legacy_login
     def post(self, request: HttpRequest) -> HttpResponse:
         """Open a session with the agent of the API key."""
-        api_key = find_api_key(read_text(read_object(request), "apikey"), Caller(request))
+        caller = Caller(request)
+        api_key = find_api_key(read_text(read_object(request), "apikey"), caller)
+        count_login(api_key, caller.network)
         _, session_key = open_session(api_key)
         return json_response({"ok": True, "session_key": session_key})
 

@@ -10,9 +10,10 @@ from rest_framework.views import APIView
 from envs_app import openapi
 from envs_app.authentication import ApiKeyAuthentication, api_key_of
 from envs_app.errors import InvalidRequest, UnknownSession
-from envs_app.requests import read_bearer, read_object
+from envs_app.requests import Caller, read_bearer, read_object
 from envs_app.serializers import SessionSerializer
 from envs_app.sessions import close_session, open_session
+from envs_app.throttles import count_login
 from envs_app.views.slim import SlimView
 
 
@@ -26,7 +27,9 @@ class SessionsView(APIView):
         """Open a session with the agent of the API key."""
         if request._request.body and read_object(request._request):
             raise InvalidRequest("A new session takes no body, or an empty object: {}.")
-        session, session_key = open_session(api_key_of(request))
+        api_key = api_key_of(request)
+        count_login(api_key, Caller(request._request).network)
+        session, session_key = open_session(api_key)
         reply = SessionSerializer({"session_key": session_key, "agent": session.agent})
         return Response(reply.data, status=201)
 

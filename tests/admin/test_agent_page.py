@@ -351,6 +351,37 @@ def test_a_publishable_key_stays_readable(client, agent):
         assert "publishable https://a.example http://b.example" in page
 
 
+def test_a_key_is_renewed_and_both_open_the_agent_for_a_while(client, agent, foreign):
+    key = agent.api_keys.get()
+    APIKey.objects.filter(pk=key.pk).update(scope="step", steps_per_minute=60)
+    assert b"goes on for" in client.get(url(agent, "renew_key_view", key.pk)).content
+    secret = client.post(url(agent, "renew_key_view", key.pk), {"days": "7"}).context["secret"]
+    key.refresh_from_db()
+    new = APIKey.objects.get(hash=hash_key(secret))
+    assert (new.agent, new.name, new.scope, new.steps_per_minute, new.expires_at) == (agent, key.name, "step", 60, None)
+    assert key.successor == new
+    assert key.is_valid()
+    assert timedelta(days=6, hours=23) < key.expires_at - timezone.now() < timedelta(days=7)
+    assert b"renewed as" in client.get(url(agent, "history")).content
+    again = client.post(url(agent, "renew_key_view", key.pk), {"days": "7"}, follow=True)
+    assert b"has a successor already" in again.content
+    assert agent.api_keys.count() == 2
+    assert client.post(url(agent, "renew_key_view", foreign.api_keys.get().pk), {"days": "7"}).status_code == 404
+
+
+def test_renewing_never_gives_a_key_more_time(client, agent):
+    soon = timezone.now() + timedelta(days=1)
+    agent.api_keys.update(expires_at=soon)
+    client.post(url(agent, "renew_key_view", agent.api_keys.get().pk), {"days": "7"})
+    assert agent.api_keys.get(successor__isnull=False).expires_at == soon
+
+
+@pytest.mark.parametrize("days", ["", "-1", "366", "x"])
+def test_a_key_is_renewed_only_for_a_number_of_days(client, agent, days):
+    client.post(url(agent, "renew_key_view", agent.api_keys.get().pk), {"days": days})
+    assert agent.api_keys.count() == 1
+
+
 def test_a_key_may_expire(client, agent):
     client.post(url(agent, "make_key_view"), {"name": "for a course", "scope": "step", "days": "7"})
     left = APIKey.objects.get(name="for a course").expires_at - timezone.now()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,7 +14,6 @@ from django.test import Client
 
 from agents_app.fleet import get_fleet
 from agents_app.models import Agent, APIKey
-from envs_app.authentication import failed_logins
 from envs_app.requests import Caller
 from envs_app.steps import Reply, Step
 from tests.agents.makers import RecordingFleet, make_agent
@@ -74,10 +74,16 @@ def core(monkeypatch: pytest.MonkeyPatch) -> Core:
     return core
 
 
+@pytest.fixture(autouse=True)
+def _one_minute(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What throttles count, they count in one span of time, however slow the test is."""
+    now = time.time() // 60 * 60 + 1
+    monkeypatch.setattr("envs_app.counters.now", lambda: now)
+
+
 @pytest.fixture
 def api() -> Api:
     """The API."""
-    failed_logins.counts.clear()
     return Api()
 
 

@@ -52,6 +52,7 @@ AGENTS: dict[str, dict[str, Any]] = {
     "diverging SAC": {"algorithm": "SAC", "action_space": [[2], -1, 1], "parameters": OFF_POLICY},
     "diverging TD3": {"algorithm": "TD3", "action_space": [[2], -1, 1], "parameters": OFF_POLICY},
     "schedules": {},
+    "revoked": {},
 }
 
 
