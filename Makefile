@@ -44,7 +44,7 @@ lint: $(VENV)/.dev  ## Check style, types, migrations and settings
 	$(BIN)/python manage.py check
 
 audit: $(VENV)/.dev  ## Look for dangerous code, settings and dependencies (the last needs the network)
-	$(BIN)/bandit --quiet --configfile pyproject.toml --recursive agents_app envs_app shepherd clients manage.py
+	$(BIN)/bandit --quiet --configfile pyproject.toml --recursive agents_app envs_app shepherd frontend clients manage.py
 	SHEPHERD_TLS=1 SHEPHERD_ALLOWED_HOSTS=shepherd.example $(BIN)/python manage.py check --deploy --fail-level WARNING
 	@$(BIN)/pip freeze --exclude-editable | $(BIN)/pip-audit --strict --no-deps --disable-pip --requirement /dev/stdin || { \
 		echo "pip-audit says above what it found, or what it could not look up; what was not looked up is not known to be safe."; exit 1; }

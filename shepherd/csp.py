@@ -29,7 +29,7 @@ DOCS: Directives = {"style-src": [SELF, UNSAFE_INLINE]}  # Swagger UI
 
 def bored() -> Directives:
     """The page of Bored in the city asks a server of map tiles and one of ways, as the settings say; empty: none."""
-    tiles, routing = (source_of(getattr(settings, name, "")) for name in ("BORED_TILES", "BORED_ROUTING"))
+    tiles, routing = (source_of(url) for url in (settings.BORED_TILES, settings.BORED_ROUTING))
     return {"img-src": [SELF, "data:", "blob:", *tiles], "connect-src": [SELF, *routing]}
 
 

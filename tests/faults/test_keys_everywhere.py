@@ -34,12 +34,12 @@ def test_a_revoked_key_opens_nothing_anywhere_within_seconds(
     with Client(key, url=own.url) as client:
         session = client.session()
         session.act([0.0] * 4)  # its execution is there
-    assert [step(own, process, session.key) for process in (0, 1)] == [200, 200]  # both know it
-    own.manage("shell", "-v", "0", "-c", REVOKE.format(agent=number))  # in a third process, as on another machine
-    time.sleep(2.5)  # sessions.REFRESH_SECONDS
-    assert [step(own, process, session.key) for process in (0, 1)] == [401, 401]
-    with Client(key, url=own.url) as client, pytest.raises(InvalidApiKey):
-        client.session()
+        assert [step(own, process, session.key) for process in (0, 1)] == [200, 200]  # both know it
+        own.manage("shell", "-v", "0", "-c", REVOKE.format(agent=number))  # in a third process, as on another machine
+        time.sleep(2.5)  # sessions.REFRESH_SECONDS
+        assert [step(own, process, session.key) for process in (0, 1)] == [401, 401]
+        with pytest.raises(InvalidApiKey):
+            client.session()
 
 
 def test_wrong_keys_are_counted_by_both_together(own: Server) -> None:
