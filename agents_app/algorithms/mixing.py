@@ -11,7 +11,7 @@ GEOMETRIC = "geometric"  # not of the thesis: docs/adr/0006
 BY_MEAN, BY_SAMPLING = "mean", "sampling"
 LEARNER, ADVISOR = "learner", "advisor"
 SOFT, DETERMINISTIC = "soft", "deterministic"  # advice as it is, or as an order (thesis 3.1.1)
-RANDOM, BEST, ALL, BETTER = "random", "best", "all", "better"  # which peers advise
+RANDOM, BEST, SEVERAL, ALL = "random", "best", "several", "all"  # which peers advise at a step
 
 
 @dataclass(frozen=True)

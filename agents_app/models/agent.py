@@ -29,6 +29,7 @@ class Agent(models.Model):
     class Advisors(models.TextChoices):
         RANDOM = mixing.RANDOM, "One live execution, drawn at random at each step"
         BEST = mixing.BEST, "The live execution with the best recent returns"
+        SEVERAL = mixing.SEVERAL, "Three live executions together, drawn at random at each step"
         ALL = mixing.ALL, "All live executions together"
 
     class ContinuousAdvice(models.TextChoices):
@@ -96,7 +97,7 @@ class Agent(models.Model):
         max_length=20,
         choices=Advisors,
         default=Advisors.RANDOM,
-        help_text="Where all together cannot be mixed into one, one of them is drawn at random at each step.",
+        help_text="Where several cannot be mixed into one, one of them is drawn at random at each step.",
     )
     peers_advise = models.BooleanField(
         "executions advise each other",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import random
+import sys
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,12 +18,13 @@ from stable_baselines3.common.utils import obs_as_tensor
 
 from agents_app.algorithms.actor import advising_policy, batch
 from agents_app.algorithms.advice import as_order, combine, combine_logs, neutral_advice
-from agents_app.algorithms.mixing import ALL, BEST, GEOMETRIC, SOFT
+from agents_app.algorithms.mixing import ALL, BEST, GEOMETRIC, SEVERAL, SOFT
 from agents_app.algorithms.small_net import SmallNet, Unsupported, log_softmax
 from agents_app.algorithms.spec import AgentSpec
 from agents_app.algorithms.weights import assign
 from envs_app.execution.frozen import Frozen
 
+SEVERAL_ARE = 3  # docs/adr/0006
 FROZEN = 0  # its number; those of executions begin with 1
 
 
@@ -83,7 +85,7 @@ class Advisors:
         self._frozen_peer = None if frozen is None else Peer(frozen.policy)
         self._action_space = algorithm.action_space
         self._discrete = isinstance(self._action_space, spaces.Discrete)
-        self._asks_all = spec.advisors == ALL and (self._discrete or spec.mixing().by_mean)
+        self._at_most = self._how_many()
         self._known: dict[int, Peer] = {}
         self._versions: dict[int, int] = {}
         self._neutral = neutral_advice(algorithm.action_space)
@@ -92,8 +94,8 @@ class Advisors:
     def advise(self, obs: Any) -> np.ndarray:
         """What peers would do here: (A,) probabilities or (2A,) means and deviations; neutral when alone."""
         numbers = self._eligible()
-        if numbers and not self._asks_all:
-            numbers = [self._random.choice(numbers)]
+        if len(numbers) > self._at_most:
+            numbers = self._random.sample(numbers, self._at_most)
         peers = [self._up_to_date(number) for number in numbers]
         answers = [self._ask(peer, obs) for peer in peers if peer is not None]
         return self._combine(answers) if answers else self._neutral
@@ -119,6 +121,12 @@ class Advisors:
         if self._frozen is None or self._frozen.mean_return is None:
             return self._peers.mean_returns()
         return self._peers.mean_returns() | {FROZEN: self._frozen.mean_return}
+
+    def _how_many(self) -> int:
+        """May be asked at one step."""
+        if self._spec.advisors == ALL and (self._discrete or self._spec.mixing().by_mean):
+            return sys.maxsize
+        return SEVERAL_ARE if self._spec.advisors == SEVERAL and self._discrete else 1
 
     def _combine(self, answers: list[np.ndarray]) -> np.ndarray:
         """One piece of advice from several: eq. 5.1, or the mean that the method asks; as an order, if the agent wants orders."""

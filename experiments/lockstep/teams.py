@@ -16,7 +16,8 @@ import numpy as np
 import torch as th
 
 from agents_app.algorithms.advice import combine, combine_logs, mix_logits
-from agents_app.algorithms.mixing import ALL, BEST, BETTER, GEOMETRIC, RANDOM, Mixing
+from agents_app.algorithms.mixing import ALL, BEST, GEOMETRIC, RANDOM, SEVERAL, Mixing
+from envs_app.execution.advisors import SEVERAL_ARE
 from experiments.figure import Episodes
 from experiments.lockstep.networks import Networks, in_numpy, run_in_numpy
 from experiments.lockstep.ppo import PPO, Rollout, Settings, advantages
@@ -56,7 +57,7 @@ class Teams:
         self._recent: list[deque[float]] = [deque(maxlen=RECENT) for _ in range(learners)]
         self._returns = np.full(learners, -np.inf)
         self._eligible = self._find_eligible()
-        self.episodes: list[Episodes] = [[] for _ in range(learners)]  # type: ignore[assignment]
+        self.episodes: list[Episodes] = [[] for _ in range(learners)]
 
     def play(self, episodes: int, on_episode: Callable[[], None] = lambda: None) -> None:
         """Until every learner has ended so many episodes."""
@@ -73,7 +74,7 @@ class Teams:
     def _playing(self) -> np.ndarray:
         """Which teams have not ended their episodes, (S,)."""
         full = np.array([len(log) >= self._wanted for log in self.episodes])
-        return ~full.reshape(self.count, self.size).all(1)
+        return full.reshape(self.count, self.size).sum(1) < self.size
 
     def _step(self, playing: np.ndarray) -> tuple[np.ndarray, ...]:
         """One step of those who are `playing`, (L,); one row of a rollout."""
@@ -86,13 +87,13 @@ class Teams:
         log_probs = seen[np.arange(len(actions)), actions]
         rewards = np.zeros_like(values)
         for learner in np.flatnonzero(playing):
-            rewards[learner] = self._act(learner, actions[learner])
+            rewards[learner] = self._act(int(learner), int(actions[learner]))
         self._steps += 1
         return observations, actions, rewards, starts, values, log_probs, advice
 
     def _act(self, learner: int, action: int) -> float:
         """A step of one environment; the reward, with the value of what comes after an episode that was cut."""
-        observation, reward, terminated, truncated, _ = self._environments[learner].step(int(action))
+        observation, reward, terminated, truncated, _ = self._environments[learner].step(action)
         self._totals[learner] += float(reward)
         self._observations[learner], self._starts[learner] = observation, terminated or truncated
         if not (terminated or truncated):
@@ -133,21 +134,17 @@ class Teams:
     def _advice(self, probabilities: np.ndarray) -> np.ndarray:
         """(S, K who speaks, K who is there, A) -> (L, A)."""
         team, place = np.arange(self.count)[:, None], np.arange(self.size)[None]
-        if self.rules.advisors == ALL:
-            peers = [(place + shift) % self.size for shift in range(1, self.size)]
-        else:
-            draws = self._rng.random_sample(self._eligible.shape) * self._eligible
-            peers = [draws.argmax(-1)]
+        asked = {ALL: self.size - 1, SEVERAL: min(SEVERAL_ARE, self.size - 1)}.get(self.rules.advisors, 1)
+        draws = self._rng.random_sample(self._eligible.shape) * self._eligible
+        peers = np.moveaxis(draws.argsort(-1)[..., ::-1][..., :asked], -1, 0)  # (asked, S, K)
         mean = combine_logs if self.rules.mixing.method == GEOMETRIC else combine
         advice = mean([probabilities[team, peer, place] for peer in peers], self.rules.rho)
-        return np.where(self._eligible.any(-1)[..., None], advice, 1.0).reshape(-1, self._actions)
+        return np.where(self._eligible.any(axis=-1, keepdims=True), advice, 1.0).reshape(-1, self._actions)
 
     def _find_eligible(self) -> np.ndarray:
         """Whom each learner may hear: (S, K who is there, K who speaks)."""
         returns = self._returns.reshape(self.count, self.size)
         others = np.broadcast_to(~np.eye(self.size, dtype=bool), (self.count, self.size, self.size))
-        if self.rules.advisors == BETTER:
-            return others & (returns[:, None, :] > returns[:, :, None])
         if self.rules.advisors == BEST:
             judged = np.where(others, returns[:, None, :], -np.inf)
             return others & (judged == judged.max(-1, keepdims=True))

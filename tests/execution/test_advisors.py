@@ -207,6 +207,15 @@ class TestWhoAdvises:
             wanted = order if form == "deterministic" else expected
             assert advice_of(station) == pytest.approx(3 * wanted / wanted.sum(), abs=1e-4)
 
+    def test_several_are_three_of_them_drawn_anew_at_each_step(self, tmp_path: Path) -> None:
+        with advised(tmp_path, advisors="several") as station:
+            for number, action in ((2, 0), (3, 0), (4, 1), (5, 1)):
+                station.peers.put(number, leaning(station, action))
+            heard = {tuple((3 * advice_of(station)).round().astype(int)) for _ in range(60)}
+            assert heard == {(2, 1, 0), (1, 2, 0)}
+            del station.peers.published[5], station.peers.published[4]
+            assert advice_of(station)[0] > 0.99
+
     def test_of_continuous_actions_by_mean_it_is_the_mean_of_the_means(self, tmp_path: Path) -> None:
         with advised(tmp_path, advisors="all", actions=CONTINUOUS) as station:
             station.peers.put(2, leaning(station, 1, 8.0))
@@ -215,12 +224,17 @@ class TestWhoAdvises:
 
     @pytest.mark.parametrize(
         "options",
-        [{"continuous_advice": "sampling"}, {"advice_method": "reuse"}, {"advice_method": "shaping"}],
+        [
+            {"continuous_advice": "sampling"},
+            {"advice_method": "reuse"},
+            {"advice_method": "shaping"},
+            {"advisors": "several"},
+        ],
         ids=str,
     )
     def test_elsewhere_one_is_drawn_at_each_step(self, tmp_path: Path, options: dict[str, Any]) -> None:
-        given = {"advice_method": "intersection"} | options
-        with Station(tmp_path, advisors="all", actions=CONTINUOUS, **given) as station:
+        given = {"advice_method": "intersection", "advisors": "all"} | options
+        with Station(tmp_path, actions=CONTINUOUS, **given) as station:
             station.peers.put(2, leaning(station, 1, 8.0))
             station.peers.put(3, leaning(station, 0, 2.0))
             means = {tuple(advice_of(station)[:2].round(4)) for _ in range(40)}
