@@ -31,12 +31,7 @@ from envs_app.serving import bond
 
 PROJECT = Path(__file__).resolve().parent.parent
 START_SECONDS, STOP_SECONDS = 90, 70
-OPTIONS = {
-    "advice",
-    "rho",
-    "advisor",
-    "policy",
-}  # of create_agent; every other field of an agent goes through its --set
+OPTIONS = {"advice", "rho", "advisor", "policy"}  # of create_agent; the other fields of an agent go through --set
 NAMES = itertools.count(1)
 
 

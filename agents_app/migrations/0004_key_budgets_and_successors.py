@@ -8,7 +8,7 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('agents_app', '0002_publishable_keys'),
+        ('agents_app', '0003_advisors'),
     ]
 
     operations = [
