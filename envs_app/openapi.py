@@ -280,5 +280,8 @@ metrics = extend_schema(
     operation_id="metrics",
     tags=["operations"],
     auth=[],
-    responses={(200, "text/plain"): OpenApiResponse(OpenApiTypes.STR, "Prometheus' text format."), **_refusals()},
+    responses={
+        (200, "text/plain"): OpenApiResponse(OpenApiTypes.STR, "Prometheus' text format."),
+        **_refusals(errors.InvalidApiKey()),
+    },
 )

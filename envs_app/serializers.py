@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import orjson
 from rest_framework import serializers
 
 from agents_app.models import Agent, EpisodeReturn
@@ -18,6 +19,7 @@ from envs_app.steps import Reply, Step
 REQUIRED = {"obs", "reward", "terminated", "truncated"}
 KNOWN = REQUIRED | {"info", "seq", "advice", "action_mask"}
 LARGEST_SEQ = 2**53  # the whole numbers that every language has
+LARGEST_INFO = 2**16  # bytes of JSON
 
 
 def read_step(body: dict[str, Any]) -> Step:
@@ -28,8 +30,7 @@ def read_step(body: dict[str, Any]) -> Step:
     step.reward = read_reward(step.reward)
     if type(step.terminated) is not bool or type(step.truncated) is not bool:
         raise InvalidRequest("terminated and truncated are true or false, nothing else.")
-    if step.info is not None and type(step.info) is not dict:
-        raise InvalidRequest("info is an object, such as {}, or left out.")
+    _check_info(step.info)
     if step.seq is not None and (type(step.seq) is not int or not 0 <= step.seq <= LARGEST_SEQ):
         raise InvalidRequest("seq is a whole number from 0 on, one more than the last one, or left out.")
     if step.action_mask is not None and type(step.action_mask) is not list:
@@ -51,8 +52,7 @@ def read_legacy_step(body: dict[str, Any]) -> Step:
     done, info = body.get("done", False), body.get("info")
     if done not in (True, False):  # also 0 and 1, which clients in the field send
         raise InvalidRequest("done is true or false, nothing else.")
-    if info is not None and type(info) is not dict:
-        raise InvalidRequest("info is an object, such as {}, or left out.")
+    _check_info(info)
     reward = body.get("reward")
     return Step(body["obs"], 0.0 if reward is None else read_reward(reward), terminated=bool(done), info=info)
 
@@ -63,6 +63,20 @@ def read_text(body: dict[str, Any], key: str) -> str:
     if type(value) is not str:
         raise InvalidRequest(f"The request needs {key}, a text.")
     return value
+
+
+def _check_info(info: Any) -> None:
+    """Nobody knows what is in it, and it is kept as long as the step: many large ones would fill the memory."""
+    if not info and (info is None or type(info) is dict):
+        return
+    if type(info) is not dict:
+        raise InvalidRequest("info is an object, such as {}, or left out.")
+    try:
+        size = len(orjson.dumps(info))
+    except orjson.JSONEncodeError:
+        raise InvalidRequest("info is nested too deeply; make it flat, or leave it out.") from None
+    if size > LARGEST_INFO:
+        raise InvalidRequest(f"info has {size} bytes; at most {LARGEST_INFO} are taken.")
 
 
 def _wrong_keys(body: dict[str, Any]) -> str:

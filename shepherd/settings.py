@@ -133,6 +133,7 @@ SESSION_DAYS = env.integer("SHEPHERD_SESSION_DAYS", 30, 1)  # a session without 
 STEP_TIMEOUT = env.integer("SHEPHERD_STEP_TIMEOUT", 20, 1)  # seconds until a step is answered with a 503
 SAVES_KEPT = env.integer("SHEPHERD_SAVES_KEPT", 5, 1)  # per execution; the best one of a run is always kept
 MAX_BODY_BYTES = env.integer("SHEPHERD_MAX_BODY_BYTES", 8 * 2**20, 1024)
+METRICS_KEY = env.text("SHEPHERD_METRICS_KEY")
 WRONG_KEYS = env.integer("SHEPHERD_WRONG_KEYS", 20)  # throttles, a minute; 0: none
 LOGINS = env.integer("SHEPHERD_LOGINS", 6000)
 PUBLISHABLE_LOGINS = env.integer("SHEPHERD_PUBLISHABLE_LOGINS", 120)

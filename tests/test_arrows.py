@@ -17,6 +17,7 @@ from tests.servers import PROJECT
 
 ROOMS = ("agents_app", "envs_app", "shepherd", "clients", "frontend")
 DJANGO = ("django", "rest_framework", "corsheaders", "drf_spectacular", "unfold")
+PICKLES = ("pickle", "cloudpickle", "dill", "joblib", "shelve", "marshal")
 HEAVY = ("torch", "stable_baselines3", "sb3_contrib")
 
 PAGES = ("frontend/**/*.html", "frontend/**/*.js", "*_app/templates/**/*.html", "*_app/static/**/*.js")
@@ -41,6 +42,9 @@ ARROWS: list[tuple[str, str, tuple[str, ...]]] = [
     ("transports know no view", "envs_app/transports/**/*.py", ("envs_app.views", "envs_app.sessions")),
     ("clients know only HTTP", "clients/**/*.py", ("agents_app", "envs_app", "shepherd", "django")),
     ("pages know agents alone", "frontend/**/*.py", ("envs_app", *HEAVY)),
+    ("nothing unpickles: agents", "agents_app/**/*.py", PICKLES),
+    ("nothing unpickles: environments", "envs_app/**/*.py", PICKLES),
+    ("nothing unpickles: the project", "shepherd/**/*.py", PICKLES),
     ("no torch in the Django project", "shepherd/**/*.py", HEAVY),
 ]
 

@@ -113,3 +113,15 @@ def test_a_disk_that_is_full_loses_a_count_and_no_step(api, core, monkeypatch, c
     assert [api.post("/api/v1/step", STEP, "ss_1").status_code for _ in range(3)] == [200] * 3
     assert caplog.text.count("metrics cannot be kept") == 1
     monkeypatch.setattr(metrics._by_code, "failed_at", -inf)
+
+
+@pytest.mark.parametrize("key", [None, "wrong", ""])
+def test_metrics_are_for_who_has_their_key(api, settings, key):
+    settings.METRICS_KEY = "for-prometheus"
+    assert_problem(api.get("/metrics", key), 401, "invalid_api_key", "SHEPHERD_METRICS_KEY")
+
+
+@pytest.mark.django_db
+def test_who_has_the_key_of_the_metrics_reads_them(api, fleet, settings):
+    settings.METRICS_KEY = "for-prometheus"
+    assert api.get("/metrics", "for-prometheus").status_code == 200

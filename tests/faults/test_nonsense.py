@@ -37,6 +37,9 @@ BAD_STEPS: dict[str, Any] = {
     "seq of text": STEP | {"seq": "1"},
     "gap": STEP | {"seq": 10**9},
     "mask of nobody": STEP | {"action_mask": [True, False]},
+    "a large info": STEP | {"info": {"x": "x" * 70_000}},
+    "a deep info": STEP | {"info": json.loads('{"x":' * 900 + "1" + "}" * 900)},
+    "info of a list": STEP | {"info": []},
     "a list": [STEP],
     "a number": 7,
 }
