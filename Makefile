@@ -28,7 +28,7 @@ demo: $(VENV)/.runtime  ## Serve, train an agent on Cart Pole with a real client
 	@$(BIN)/python manage.py demo
 
 test: $(VENV)/.dev  ## Run all tests
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(ARGS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 bench: $(VENV)/.dev  ## Measure speed and memory, and show them beside their bars
 	$(BIN)/python -m benchmarks $(ARGS)

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from tests import databases
 from tests.servers import Server, running_server
 from tests.services import PostgresServer, RedisServer, fresh_database, running
 
@@ -51,6 +52,12 @@ def redis_server() -> Iterator[RedisServer]:
     """A Redis that this test may kill, pause, flush and start again."""
     with running(RedisServer()) as redis:
         yield redis
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _databases_of_servers(django_db_blocker: Any) -> None:
+    """Let tests make agents in the databases of the servers that they start."""
+    databases.unblocked = django_db_blocker.unblock
 
 
 @pytest.fixture(autouse=True)

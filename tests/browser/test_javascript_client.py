@@ -113,7 +113,7 @@ def test_a_publishable_key_works_in_its_page_and_in_no_other(
     own = page.rstrip("/")
     spaces = ("--action-space=2", "--observation-space=[[4], -1, 1]")
     made = [
-        json.loads(server.manage("create_agent", "--owner=web", f"--name={name}", "--algorithm=PPO", *spaces, *origin))
+        json.loads(server.make("create_agent", "--owner=web", f"--name={name}", "--algorithm=PPO", *spaces, *origin))
         for name, origin in (("page", [f"--origin={own}"]), ("another page", ["--origin=https://example.org"]))
     ]
     seen = play(browser, page, made[0]["publishable_key"], server.url)

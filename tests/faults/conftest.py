@@ -33,7 +33,7 @@ def create_agents(server: Server, agents: dict[str, dict[str, Any]]) -> dict[str
     """Agents by name, their ids and API keys; made by one command, since each takes a second to start."""
     default = {"algorithm": "PPO", "action_space": 2, "observation_space": [[4], -10, 10], "parameters": QUICK}
     wanted = json.dumps({name: default | {"save_interval": INTERVAL} | fields for name, fields in agents.items()})
-    printed = server.manage("shell", "-v", "0", "-c", MAKE.format(agents=wanted))
+    printed = server.make("shell", "-v", "0", "-c", MAKE.format(agents=wanted))
     return {name: (agent, key) for name, (agent, key) in json.loads(printed.splitlines()[-1]).items()}
 
 

@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from envs_app.serving import preflight
-from tests.servers import Server, running_server
+from tests.servers import Server, running_server, wait_for
 
 
 def refusal(**environment: Any) -> tuple[str, int]:
@@ -37,11 +37,13 @@ def test_it_takes_the_address_and_the_data_folder_of_the_environment(tmp_path: P
 
 
 def test_it_says_where_it_serves_and_nothing_else(server: Server) -> None:
+    last = "Ctrl-C ends it and saves."
+    wait_for(lambda: last in server.printed(), what="the last line")  # it serves before it says so
     printed = server.printed().splitlines()
-    lines = printed[: printed.index("Ctrl-C ends it and saves.") + 1]  # what other tests had it say later is theirs
+    lines = printed[: printed.index(last) + 1]  # what other tests had it say later is theirs
     assert lines[0] == f"Shepherd is ready: {server.url}"
     assert all(server.url in line for line in lines[:-1])
-    assert lines[-1] == "Ctrl-C ends it and saves."
+    assert lines[-1] == last
 
 
 def test_what_forks_executions_has_one_thread(server: Server) -> None:

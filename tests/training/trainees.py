@@ -127,7 +127,7 @@ def make_trainees(server: Server, agents: dict[str, dict[str, Any]]) -> dict[str
     """Agents by name, made by one command. Their parameters are small ones and those given."""
     full = {name: _fields(fields) for name, fields in agents.items()}
     code = MAKE.format(owner=f"trainer {uuid.uuid4()}", agents=json.dumps(full))
-    made = [json.loads(line) for line in server.manage("shell", "-v", "0", "-c", code).splitlines()[-len(full) :]]
+    made = [json.loads(line) for line in server.make("shell", "-v", "0", "-c", code).splitlines()[-len(full) :]]
     spaces = [fields["observation_space"] for fields in full.values()]
     return {
         name: Trainee(server, agent, key, space) for name, (agent, key), space in zip(full, made, spaces, strict=True)

@@ -376,6 +376,9 @@ def warm_up() -> None:
 
     import envs_app.execution.worker
     import envs_app.transports.local.child  # noqa: F401
+    from agents_app.algorithms import eager
+
+    eager.sleep()
 
     for algorithm, environment in ((sb3.PPO, "CartPole-v1"), (sb3.DQN, "CartPole-v1")):
         sizes: dict[str, Any] = {"n_steps": 16, "batch_size": 16} if algorithm is sb3.PPO else {"learning_starts": 4}
