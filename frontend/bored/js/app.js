@@ -242,7 +242,6 @@ export class App {
     const words = this.texts.say(open ? "favourites.hide" : "favourites.show");
     /** @type {HTMLElement} */ (pill.querySelector(".words")).textContent = words;
     /** @type {HTMLElement} */ (pill.querySelector(".count")).textContent = length ? String(length) : "";
-    pill.setAttribute("aria-label", length ? `${words}, ${this.texts.say("favourites.count", { count: length })}` : words);
     pill.classList.toggle("open", open);
   }
 

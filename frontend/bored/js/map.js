@@ -156,7 +156,7 @@ export class CityMap {
     const { x, y } = this.map.getSize();
     const side = Math.min(56, x / 7);
     return {
-      paddingTopLeft: L.point(side, Math.min(76, y / 4)), // a pin stands above its place
+      paddingTopLeft: L.point(side, Math.min(110, y / 3)), // a pin stands above its place
       paddingBottomRight: L.point(side, Math.min(48, y / 6)),
       maxZoom: NEAR,
     };

@@ -22,7 +22,7 @@ export function favouritesList(app) {
 function row(app, place) {
   const { texts, places } = app;
   const name = places.name(place, texts.language);
-  const open = h("a", { href: `#place/${place.id}`, "aria-label": texts.say("favourites.open", { name }) });
+  const open = h("a", { href: `#place/${place.id}` });
   open.append(h("strong", {}, name), h("span", {}, places.address(place, texts.language)));
   return h(
     "li",
