@@ -10,6 +10,8 @@ MODERN := import sys; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for python in python3 python3.13 python3.12 python3.11; do \
 	$$python -c '$(MODERN)' 2>/dev/null && echo $$python && break; done)
 CLIENTS := -e clients/python -e clients/environments
+NODE_FOLDERS := clients/javascript frontend/bored
+NPM_INSTALL := npm install --silent --no-audit --no-fund --no-package-lock
 WORKERS ?= $(shell echo $$(( $$(nproc) + 1 )))# one more than cores: tests that kill and restart mostly wait
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
@@ -71,4 +73,5 @@ $(VENV)/.runtime: requirements.txt clients/python/pyproject.toml clients/environ
 $(VENV)/.dev: requirements-dev.txt $(VENV)/.runtime
 	@echo "Installing what tests and lint need into $(VENV) ..."
 	@$(BIN)/pip install --quiet -r requirements-dev.txt || { echo "The installation failed: see pip's message above."; exit 1; }
+	@for folder in $(NODE_FOLDERS); do $(NPM_INSTALL) --prefix $$folder || echo "No npm in $$folder: its types, and axe-core's findings, are not tested."; done
 	@touch $@

@@ -73,8 +73,9 @@ function streetNames(streets, language) {
     const along = element("textPath", { href: `#${id}`, startOffset: "50%" });
     along.textContent = name;
     text.append(along);
+    const metres = metresBetween(line[0], line[line.length - 1]); // not along it: no name goes around corners
     group.append(element("path", { id, d: polyline(eastward), class: "guide" }), text);
-    return { node: group, letters: name.length, metres: length(line) };
+    return { node: group, letters: name.length, metres };
   });
 }
 
