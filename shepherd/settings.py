@@ -138,7 +138,7 @@ WRONG_KEYS = env.integer("SHEPHERD_WRONG_KEYS", 20)  # throttles, a minute; 0: n
 LOGINS = env.integer("SHEPHERD_LOGINS", 6000)
 PUBLISHABLE_LOGINS = env.integer("SHEPHERD_PUBLISHABLE_LOGINS", 120)
 PUBLISHABLE_STEPS = env.integer("SHEPHERD_PUBLISHABLE_STEPS", 1200)
-WEB_WORKERS = env.integer("SHEPHERD_WEB_WORKERS", 1, 1)
+WEB_WORKERS = env.integer("SHEPHERD_WEB_WORKERS", min(4, env.cores()), 1)
 WEB_THREADS = env.integer("SHEPHERD_WEB_THREADS", 128, 1)
 MIN_FREE_MB = env.integer("SHEPHERD_MIN_FREE_MB", 200)  # `serve` does not start with less room on the disk
 LOG_DIR = None if env.choice("SHEPHERD_LOG", ["files", "stderr"]) == "stderr" else DATA_DIR / "logs"

@@ -11,12 +11,14 @@ from typing import Any
 import pytest
 
 from tests import databases
-from tests.servers import Server, running_server
+from tests.servers import SETTINGS, Server, running_server
 from tests.services import PostgresServer, RedisServer, fresh_database, running
 
 NEVER_SKIPPED_IN_CI = ("browser", "service")
 SERVICES = {"postgres_url", "postgres_server", "redis_server"}  # fixtures; whoever takes one is marked as `service`
 WAITING = {"faults", "serving", "training", "clients", "experiments"}  # folders
+
+SETTINGS["SHEPHERD_WEB_WORKERS"] = "1"  # a second web process takes a second of CPU to start, sixty times
 
 
 @pytest.fixture(scope="session")

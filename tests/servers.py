@@ -34,6 +34,7 @@ PROJECT = Path(__file__).resolve().parent.parent
 START_SECONDS, STOP_SECONDS = 240, 120  # on a machine that others load, too
 OPTIONS = {"advice", "rho", "advisor", "policy"}  # of create_agent; the other fields of an agent go through --set
 NAMES = itertools.count(1)
+SETTINGS: dict[str, str] = {}  # of every server that is not told otherwise, beside the product's own defaults
 
 
 class Server:
@@ -44,7 +45,7 @@ class Server:
 
     def __init__(self, data: Path, environment: dict[str, Any], command: Sequence[str] = ("serve",)) -> None:
         self.data = data
-        self.environment = _environment(data) | {name: str(value) for name, value in environment.items()}
+        self.environment = _environment(data) | SETTINGS | {name: str(value) for name, value in environment.items()}
         self.output = (data / "output.txt").open("ab")
         self.process = subprocess.Popen(
             [sys.executable, "-I", "-S", bond.__file__, str(os.getpid()), sys.executable, "manage.py", *command],
