@@ -98,6 +98,7 @@ CONTENT_SECURITY_POLICY = {"DIRECTIVES": STRICT}
 
 # Log-in to the admin: after so many wrong passwords for a name from an address, both wait together (django-axes).
 PASSWORDS = "django.contrib.auth.password_validation"
+LOGIN_REDIRECT_URL = "/admin/"  # who came to the log-in itself, and from no page
 AUTHENTICATION_BACKENDS = ["axes.backends.AxesStandaloneBackend", "django.contrib.auth.backends.ModelBackend"]
 AUTH_PASSWORD_VALIDATORS: list[dict[str, Any]] = [
     {"NAME": f"{PASSWORDS}.UserAttributeSimilarityValidator", "OPTIONS": {"user_attributes": ["name"]}},

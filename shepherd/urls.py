@@ -9,4 +9,5 @@ urlpatterns: list[URLPattern | URLResolver] = [
     path("", include("frontend.urls")),
     path("admin/", RedirectView.as_view(pattern_name="admin:agents_app_agent_changelist")),
     path("admin/", admin.site.urls),
+    path("", RedirectView.as_view(pattern_name="admin:agents_app_agent_changelist")),
 ]

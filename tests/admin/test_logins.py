@@ -44,6 +44,12 @@ def test_nobody_is_locked_out_by_somebody_elsewhere(locked):
     assert log_in(RIGHT | {"username": "bob"}).status_code == 302
 
 
+def test_who_logs_in_comes_to_the_agents(ann):
+    browser = Client()
+    response = browser.post(reverse("admin:login"), RIGHT, follow=True)
+    assert response.redirect_chain[-1][0] == reverse("admin:agents_app_agent_changelist")
+
+
 def test_the_right_password_in_between_begins_anew(ann):
     for _ in range(2):
         assert {log_in(WRONG).status_code for _ in range(4)} == {200}
