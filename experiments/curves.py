@@ -18,7 +18,8 @@ ACROBOT, SWING = (f"{OURS}ContinuousAcrobot-v0", "acrobot"), ("Pendulum-v1", "pe
 
 PPO: dict[str, Any] = {"algorithm": "PPO"}
 SWINGING_PPO: dict[str, Any] = {"algorithm": "PPO", "parameters": PENDULUM}  # the defaults do not learn Pendulum
-POLICY_GRADIENT: dict[str, Any] = {"algorithm": "PolicyGradient"}
+# Its defaults learn Cart Pole as well, but Lunar Lander more slowly: 59 at the end of 800 episodes, where this has 138 (seed 0).
+POLICY_GRADIENT: dict[str, Any] = {"algorithm": "PolicyGradient", "parameters": {"normalize_advantage": True}}
 
 ALONE, WITHOUT, WITH = "no advice", "PI without LC", "PI with LC"
 

@@ -16,6 +16,7 @@ from agents_app.algorithms.advice import advised_space, with_advice
 from agents_app.algorithms.builder import build
 from agents_app.algorithms.spec import AgentSpec
 from benchmarks.histories import Log, Recorder
+from experiments.acting import act_in_numpy
 from experiments.advisors import UNIFORM, Advise, load, uniform
 from experiments.figure import Episodes
 
@@ -45,6 +46,7 @@ class InProcess:
         if self.advisor:
             env = Advised(env, self._advise(env, saves))
         algorithm = build(spec_of(env, self.algorithm, self.parameters, **self.agent), env, seed)
+        act_in_numpy(algorithm)
         algorithm.learn(ENDLESS, callback=StopAfter(self.episodes, log, on_episode))
         return [log.episodes]
 

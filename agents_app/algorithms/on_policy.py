@@ -35,8 +35,9 @@ class ReplayedPolicy:
         """What the actor's copy returned for the decision that is replayed now."""
         if self.tape is None:
             return super().forward(*args, **kwargs)  # type: ignore[misc]
-        assert self.tape.current is not None
-        return self.tape.current.replay
+        current = self.tape.current
+        assert current is not None
+        return current.replay
 
 
 def learner_classes(algorithm: type[Any], policy: type[Any]) -> tuple[type[Any], type[Any]]:
