@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import ceil
-
 from django.conf import settings
 
 from agents_app.models import APIKey
@@ -35,7 +33,8 @@ def count_step(key: int, per_minute: int, address: str = "") -> None:
     """Count a step with a key, from an address if there is one. Raises Throttled past so many steps a minute."""
     whose = "from this address" if address else "of all its clients together"
     sentence = f"The API key takes at most {per_minute} steps a minute {whose}; repeat the step later."
-    _count(f"step:{key}:{address}", ceil(per_minute * PACE / MINUTE), PACE, sentence)
+    span = PACE if per_minute >= MINUTE else MINUTE  # of fewer steps, ten seconds have less than ten
+    _count(f"step:{key}:{address}", int(per_minute * span / MINUTE), span, sentence)
 
 
 def _count(name: str, limit: int, seconds: float, sentence: str) -> None:

@@ -46,24 +46,27 @@ class LogEntryAdmin(AuditAdmin):
         return entry.get_change_message() or entry.get_action_flag_display()
 
 
+class AccessAdmin(AuditAdmin):
+    """Who came to the log-in, when and from where."""
+
+    search_fields = ("username", "ip_address")
+    ordering = ("-attempt_time",)
+
+
 @admin.register(AccessLog)
-class AccessLogAdmin(AuditAdmin):
+class AccessLogAdmin(AccessAdmin):
     """Log-ins."""
 
     list_display = ("attempt_time", "username", "ip_address", "logout_time")
-    search_fields = ("username", "ip_address")
-    ordering = ("-attempt_time",)
-    fields = readonly_fields = ("attempt_time", "username", "ip_address", "user_agent", "logout_time")
+    fields = readonly_fields = (*list_display, "user_agent")
 
 
 @admin.register(AccessAttempt)
-class AccessAttemptAdmin(AuditAdmin):
+class AccessAttemptAdmin(AccessAdmin):
     """Wrong passwords. Who deletes a row lets its address try again at once."""
 
     list_display = ("attempt_time", "username", "ip_address", "failures_since_start")
-    search_fields = ("username", "ip_address")
-    ordering = ("-attempt_time",)
-    fields = readonly_fields = ("attempt_time", "username", "ip_address", "user_agent", "failures_since_start")
+    fields = readonly_fields = (*list_display, "user_agent")
 
     def has_delete_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
         """Superusers."""
