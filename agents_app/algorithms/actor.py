@@ -22,7 +22,10 @@ Memory = Any  # what a recurrent policy remembers of one session's episode; None
 
 
 class Actor(Protocol):
-    """Chooses actions for one execution. Belongs to one thread."""
+    """Chooses actions for one execution. Belongs to one thread.
+
+    Where an agent takes masks, they ride in `obs`; the argument `mask` is for MaskablePPO, which has a way of its own.
+    """
 
     def decide(self, obs: Any, memory: Memory, mask: np.ndarray | None) -> tuple[Decision, Memory]:
         """Explore: the decision that the algorithm would take at `obs` while learning, for the record."""

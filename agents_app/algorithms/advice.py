@@ -15,8 +15,8 @@ import torch as th
 from gymnasium import spaces
 
 from agents_app.algorithms.mixing import GEOMETRIC, INTERSECTION, LEARNER, REUSE, UNION, Mixing
+from agents_app.algorithms.riders import ADVICE, space_with_rider, with_rider, without_riders
 
-PLAIN = "_observation"  # the key of what the client sends, when it sends no dictionary
 FLOOR = 1e-6  # added to soft advice, so that the learner can always push back
 NOTHING = -87.0  # the logarithm of what float32 rounds to nothing
 IMPOSSIBLE = -200.0  # in place of the logarithm of 0: finite, and nothing even beside a learner who is sure of it
@@ -259,26 +259,14 @@ def shaping_reward(advice: np.ndarray, action: Any) -> float:
 
 def advised_space(observation_space: spaces.Space, action_space: spaces.Space) -> spaces.Dict:
     """The observation space with `advice` beside what the client sends."""
-    keys = observation_space.spaces if isinstance(observation_space, spaces.Dict) else {PLAIN: observation_space}
-    return spaces.Dict({**keys, "advice": advice_space(action_space)})
+    return space_with_rider(observation_space, ADVICE, advice_space(action_space))
 
 
 def with_advice(obs: Any, advice: np.ndarray) -> dict[str, Any]:
     """An observation of `advised_space`."""
-    return {**(obs if isinstance(obs, dict) else {PLAIN: obs}), "advice": advice}
+    return with_rider(obs, ADVICE, advice)
 
 
 def without_advice(obs: Any) -> Any:
-    """What the client sent: the network never sees the advice."""
-    if not isinstance(obs, dict) or "advice" not in obs:
-        return obs
-    rest = {key: value for key, value in obs.items() if key != "advice"}
-    return rest.get(PLAIN, rest)
-
-
-def plain_space(space: spaces.Space) -> spaces.Space:
-    """The observation space without `advice`."""
-    if not isinstance(space, spaces.Dict) or "advice" not in space.spaces:
-        return space
-    rest = {key: value for key, value in space.spaces.items() if key != "advice"}
-    return rest[PLAIN] if PLAIN in rest else spaces.Dict(rest)
+    """All the rest."""
+    return without_riders(obs, ADVICE)

@@ -1,7 +1,8 @@
-"""Actor-critic policies that take advice (thesis 3.1.2, 5.5.1): a mixin over SB3's own policies, no fork.
+"""Actor-critic policies that take advice (thesis 3.1.2, 5.5.1) and masks: a mixin over SB3's own policies, no fork.
 
-The network is built on the client's observation alone; `advice` rides in the observation dictionary and meets the logits or
-the Gaussian. With the learning correction (LC) the update sees the mixed policy too, eq. 3.1; without it, the learner's own.
+The network is built on the client's observation alone; `advice` and `action_mask` ride in the observation dictionary, and meet
+the logits or the Gaussian. With the learning correction (LC) the update sees the mixed policy too, eq. 3.1; without it, the
+learner's own.
 """
 
 from __future__ import annotations
@@ -13,13 +14,15 @@ from gymnasium import spaces
 from stable_baselines3.common.distributions import Distribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 
-from agents_app.algorithms.advice import intersect_mean, mix_logits, plain_space, without_advice
+from agents_app.algorithms.advice import intersect_mean
+from agents_app.algorithms.masks import SeesMask, allowed_of, mix_allowed
 from agents_app.algorithms.mixed_gaussians import Accepted, Reused
 from agents_app.algorithms.mixing import REUSE, SHAPING, UNION, Mixing
+from agents_app.algorithms.riders import ADVICE, client_part, plain_space
 
 
-class AdvisedPolicy(ActorCriticPolicy):
-    """Acts with its own policy, mixed with the advice. Mix into a policy class, on the left."""
+class AdvisedPolicy(SeesMask, ActorCriticPolicy):
+    """Acts with its own policy, mixed with the advice, among the allowed actions. Mix into a policy class, on the left."""
 
     def __init__(
         self,
@@ -38,34 +41,33 @@ class AdvisedPolicy(ActorCriticPolicy):
     def forward(self, obs: Any, deterministic: bool = False) -> tuple[th.Tensor, th.Tensor, th.Tensor]:
         """Action chosen with advice, (B, ...); value, (B, 1); log-probability that the learning rule takes for it, (B,)."""
         latent_pi, latent_vf = self._latents(obs)
-        mixed = self._distribution(latent_pi, self._advice(obs))
+        allowed = allowed_of(obs)
+        mixed = self._distribution(latent_pi, self._advice(obs), allowed)
         actions = mixed.get_actions(deterministic=deterministic)
-        log_prob = (mixed if self.mixing.correction else self._distribution(latent_pi)).log_prob(actions)
+        seen = mixed if self.mixing.correction else self._distribution(latent_pi, None, allowed)
+        log_prob = seen.log_prob(actions)
         return actions.reshape((-1, *(self.action_space.shape or ()))), self.value_net(latent_vf), log_prob
 
     def evaluate_actions(self, obs: Any, actions: th.Tensor) -> tuple[th.Tensor, th.Tensor, th.Tensor | None]:
         """Values (B, 1), log-probabilities (B,) and entropies (B,) of the policy that the learning rule sees."""
         latent_pi, latent_vf = self._latents(obs)
-        distribution = self._distribution(latent_pi, self._advice(obs) if self.mixing.correction else None)
+        advice = self._advice(obs) if self.mixing.correction else None
+        distribution = self._distribution(latent_pi, advice, allowed_of(obs))
         return self.value_net(latent_vf), distribution.log_prob(actions), distribution.entropy()
 
     def extract_features(self, obs: Any, features_extractor: Any = None) -> Any:
-        """Features of the client's observation; the advice is left aside."""
-        return super().extract_features(without_advice(obs), features_extractor)
+        """Features of the client's observation; advice and mask are left aside."""
+        return super().extract_features(client_part(obs), features_extractor)
 
     def get_distribution(self, obs: Any) -> Distribution:
         """The policy that the learning rule sees, of which TRPO asks; without advice in `obs`, the learner's own."""
         latent_pi, _ = self._latents(obs)
-        advised = self.mixing.correction and isinstance(obs, dict) and "advice" in obs
-        return self._distribution(latent_pi, self._advice(obs) if advised else None)
+        advice = self._advice(obs) if self.mixing.correction else None
+        return self._distribution(latent_pi, advice, allowed_of(obs))
 
     def predict_values(self, obs: Any) -> th.Tensor:
-        """Values, (B, 1); advice changes nothing."""
-        return super().predict_values(without_advice(obs))
-
-    def obs_to_tensor(self, observation: Any) -> tuple[Any, bool]:
-        """Tensors of the client's observation."""
-        return super().obs_to_tensor(without_advice(observation))
+        """Values, (B, 1); advice and mask change nothing."""
+        return super().predict_values(client_part(obs))
 
     def _latents(self, obs: Any) -> tuple[th.Tensor, th.Tensor]:
         features = self.extract_features(obs)
@@ -75,18 +77,17 @@ class AdvisedPolicy(ActorCriticPolicy):
         return self.mlp_extractor.forward_actor(pi_features), self.mlp_extractor.forward_critic(vf_features)
 
     def _advice(self, obs: Any) -> th.Tensor | None:
-        """What may change the actions; as a reward it changes none."""
-        return None if self.mixing.method == SHAPING else obs["advice"]
+        """What may change the actions, if there is any; as a reward it changes none."""
+        return None if self.mixing.method == SHAPING or not isinstance(obs, dict) else obs.get(ADVICE)
 
-    def _distribution(self, latent_pi: th.Tensor, advice: th.Tensor | None = None) -> Distribution:
-        """The action distribution, mixed with the advice if there is any.
+    def _distribution(self, latent_pi: th.Tensor, advice: th.Tensor | None, allowed: th.Tensor | None) -> Distribution:
+        """The action distribution, mixed with the advice if there is any, among the allowed actions.
 
         Each call makes a new Distribution-state: the policy keeps one object, so the mixed one is asked for first.
         """
         raw = self.action_net(latent_pi)
         if isinstance(self.action_space, spaces.Discrete):
-            logits = raw if advice is None else mix_logits(raw, advice, self.mixing)
-            return self.action_dist.proba_distribution(action_logits=logits)
+            return self.action_dist.proba_distribution(action_logits=mix_allowed(raw, advice, self.mixing, allowed))
         if advice is None:
             return self._gaussian(raw, latent_pi)
         if self.mixing.by_mean:

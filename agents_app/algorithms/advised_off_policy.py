@@ -1,8 +1,9 @@
-"""Advice for the algorithms off the policy (DQN, QR-DQN, SAC, TQC, TD3, DDPG): mixins over SB3's own classes, no fork.
+"""Advice and masks for the algorithms off the policy (DQN, QR-DQN, SAC, TQC, TD3, DDPG): mixins over SB3's own classes, no fork.
 
 What they learn from may come from any policy, so that there is nothing to correct (reference: actor_advisor.md section 2), and
 the advice ends where the action is drawn: the networks, the replay buffer and the updates see the client's observation alone.
-Where nobody says anything, the action is drawn by SB3 itself, with the same random numbers.
+A mask is in the replay buffer, and the networks of values keep to it, so that targets are those of allowed actions.
+Where nobody says anything and nothing is forbidden, the action is drawn by SB3 itself, with the same random numbers.
 """
 
 from __future__ import annotations
@@ -12,11 +13,13 @@ from typing import Any
 import numpy as np
 import torch as th
 from gymnasium import spaces
+from sb3_contrib.qrdqn.policies import QuantileNetwork
 from stable_baselines3.common.distributions import CategoricalDistribution, DiagGaussianDistribution
 from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.utils import obs_as_tensor
+from stable_baselines3.dqn.policies import QNetwork
 
-from agents_app.algorithms.advice import TINY, is_neutral, mix_logits, plain_space, says_nothing, without_advice
+from agents_app.algorithms.advice import TINY, is_neutral, says_nothing, without_advice
 from agents_app.algorithms.explorers import (
     EDGE,
     Noisy,
@@ -27,11 +30,13 @@ from agents_app.algorithms.explorers import (
     noise_deviation,
     to_unit_bounds,
 )
+from agents_app.algorithms.masks import MaskedValues, SeesMask, allowed_of, mix_allowed
 from agents_app.algorithms.mixing import BY_SAMPLING, INTERSECTION, SHAPING, UNION, Mixing
+from agents_app.algorithms.riders import ADVICE, plain_space, space_without_riders
 
 
 class AdvisedSampling:
-    """Mix into an algorithm class, on the left: it acts with its own policy, mixed with `advice`; nothing else sees it."""
+    """Mix into an algorithm class, on the left: it acts with its own policy, mixed with `advice`; nothing else sees that."""
 
     observation_space: spaces.Space
     action_space: Any
@@ -51,7 +56,7 @@ class AdvisedSampling:
         return super().predict(without_advice(observation), *args, **kwargs)  # type: ignore[misc]
 
     def _setup_model(self) -> None:
-        self.observation_space = plain_space(self.observation_space)
+        self.observation_space = space_without_riders(self.observation_space, ADVICE)
         super()._setup_model()  # type: ignore[misc]
 
     def _sample_action(
@@ -59,10 +64,10 @@ class AdvisedSampling:
     ) -> tuple[np.ndarray, np.ndarray]:
         """The action, and what goes into the replay buffer: SB3's own, or where there is advice, of the mixed policy."""
         observed = self._last_obs
-        advice = observed["advice"]
+        advice = observed.get(ADVICE) if self.mixing.method != SHAPING else None
         self._last_obs = without_advice(observed)
         try:
-            if self.mixing.method == SHAPING or not self._says(advice):
+            if not self._says(advice):
                 return super()._sample_action(learning_starts, action_noise, n_envs)  # type: ignore[misc]
             with th.no_grad():
                 return self._sample_mixed(advice, self._warms_up(learning_starts), action_noise)
@@ -77,12 +82,12 @@ class AdvisedSampling:
         own: Any = self
         return own.num_timesteps < learning_starts and not (own.use_sde and own.use_sde_at_warmup)
 
-    def _says(self, advice: np.ndarray) -> bool:
-        """Whether any of this advice, (B, ...), is not neutral."""
+    def _says(self, advice: np.ndarray | None) -> bool:
+        """Whether any of this advice, (B, ...), is not neutral, or anything is forbidden."""
         raise NotImplementedError
 
     def _sample_mixed(
-        self, advice: np.ndarray, warms_up: bool, action_noise: ActionNoise | None
+        self, advice: Any, warms_up: bool, action_noise: ActionNoise | None
     ) -> tuple[np.ndarray, np.ndarray]:
         """The action and what goes into the replay buffer, of the mixed policy."""
         raise NotImplementedError
@@ -102,7 +107,15 @@ class _WithoutAdvice:
 # --- discrete actions: DQN, QR-DQN ---
 
 
-class EpsilonGreedy:
+class MaskedQNetwork(MaskedValues, QNetwork):
+    """DQN's own."""
+
+
+class MaskedQuantileNetwork(MaskedValues, QuantileNetwork):
+    """QR-DQN's own."""
+
+
+class EpsilonGreedy(SeesMask):
     """Mix into the policy of DQN or QR-DQN: the probabilities with which it acts.
 
     They are those of epsilon-greedy exploration, for the learner and for the peers that it advises alike. A peer that still
@@ -112,8 +125,8 @@ class EpsilonGreedy:
 
     exploration: th.Tensor
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
+    def __init__(self, observation_space: spaces.Space, *args: Any, **kwargs: Any) -> None:
+        super().__init__(plain_space(observation_space), *args, **kwargs)
         # Published to the peers with the weights (weights.py), but none of those that stock SB3 loads.
         self.register_buffer("exploration", th.ones(()), persistent=False)  # type: ignore[attr-defined]
 
@@ -123,12 +136,25 @@ class EpsilonGreedy:
         return tuple(name for name in ("q_net_target", "quantile_net_target") if hasattr(self, name))
 
     def probabilities(self, obs: Any, exploration: float) -> np.ndarray:
-        """Of each action, (B, A): (1 - epsilon) for the greedy one, and epsilon / A for all."""
+        """Of each action, (B, A): (1 - epsilon) for the greedy one, and epsilon in equal parts for all that are allowed."""
         own: Any = self
-        greedy = own._predict(obs, deterministic=True).cpu().numpy()
-        chances = np.full((len(greedy), own.action_space.n), exploration / own.action_space.n, np.float32)
+        greedy, allowed = own._predict(obs, deterministic=True).cpu().numpy(), allowed_of(obs)
+        anywhere = np.ones((len(greedy), own.action_space.n)) if allowed is None else allowed.cpu().numpy()
+        chances = (exploration / anywhere.sum(-1, keepdims=True) * anywhere).astype(np.float32)
         chances[np.arange(len(greedy)), greedy] += 1.0 - exploration
         return chances
+
+    def make_q_net(self) -> MaskedQNetwork:
+        """As DQN does."""
+        return self._network(MaskedQNetwork)
+
+    def make_quantile_net(self) -> MaskedQuantileNetwork:
+        """As QR-DQN does."""
+        return self._network(MaskedQuantileNetwork)
+
+    def _network(self, network: Any) -> Any:
+        own: Any = self
+        return network(**own._update_features_extractor(own.net_args, features_extractor=None)).to(own.device)
 
     def get_distribution(self, obs: Any) -> CategoricalDistribution:
         """What it does without advice, at the rate of exploration that it has now."""
@@ -150,15 +176,17 @@ class AdvisedValues(AdvisedSampling):
         if hasattr(self, "policy"):
             self.policy.exploration.fill_(rate)
 
-    def _says(self, advice: np.ndarray) -> bool:
-        return not is_neutral(advice).all()
+    def _says(self, advice: np.ndarray | None) -> bool:
+        allowed = allowed_of(self._last_obs)
+        forbids = allowed is not None and not allowed.all()
+        return forbids or (advice is not None and not is_neutral(advice).all())
 
     def _sample_mixed(
-        self, advice: np.ndarray, warms_up: bool, action_noise: ActionNoise | None
+        self, advice: np.ndarray | None, warms_up: bool, action_noise: ActionNoise | None
     ) -> tuple[np.ndarray, np.ndarray]:
         observed = obs_as_tensor(self._last_obs, self.device)
         own = self.policy.probabilities(observed, 1.0 if warms_up else self.exploration_rate)
-        mixed = mix_logits(np.log(np.maximum(own, TINY)), advice, self.mixing)
+        mixed = mix_allowed(np.log(np.maximum(own, TINY)), advice, self.mixing, allowed_of(self._last_obs))
         action = (mixed + np.random.gumbel(size=mixed.shape)).argmax(-1)  # drawn by exp(mixed)
         return action, action
 
@@ -214,8 +242,8 @@ class AdvisedActions(AdvisedSampling):
             if by_sampling and not (self.policy.deviation > 0).all():
                 raise ValueError(NO_DENSITY)
 
-    def _says(self, advice: np.ndarray) -> bool:
-        return not says_nothing(advice).all()
+    def _says(self, advice: np.ndarray | None) -> bool:
+        return advice is not None and not says_nothing(advice).all()
 
     def _sample_mixed(
         self, advice: np.ndarray, warms_up: bool, action_noise: ActionNoise | None

@@ -32,7 +32,9 @@ from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, Schedul
 from agents_app.algorithms.advice import is_neutral
 from agents_app.algorithms.bdpi_policies import BDPIPolicy
 from agents_app.algorithms.ensemble import Ensemble, probabilities
+from agents_app.algorithms.masks import mask_advice, mask_logits
 from agents_app.algorithms.mixing import GEOMETRIC, INTERSECTION, SHAPING
+from agents_app.algorithms.riders import ADVICE, MASK
 
 EPSILON = 1e-6  # keeps eq. 3.4 and eq. 6.1 from dividing by zero
 
@@ -46,7 +48,14 @@ class Batches:
     rewards: th.Tensor  # (N, B, 1)
     next_inputs: th.Tensor  # as inputs
     discounts: th.Tensor  # (N, B, 1): gamma, or 0 where the episode ended
-    advice: th.Tensor | None  # (N, B, A)
+    advice: th.Tensor | None = None  # (N, B, A)
+    allowed: th.Tensor | None = None  # (N, B, A): which actions are, at the states; None: all
+    next_allowed: th.Tensor | None = None  # and at those after them
+
+    def of(self, critic: int) -> Batches:
+        """The batch of one critic."""
+        parts = {name: part if part is None else part[critic : critic + 1] for name, part in vars(self).items()}
+        return Batches(**parts)
 
 
 class BDPI(OffPolicyAlgorithm):
@@ -164,7 +173,9 @@ class BDPI(OffPolicyAlgorithm):
             self._split(drawn.rewards),
             self._split(self.policy.vector(drawn.next_observations)),
             self._split(self.gamma * (1.0 - drawn.dones)),
-            self._split(observations["advice"]) if _carries_advice(observations) else None,
+            self._rider(observations, ADVICE),
+            self._rider(observations, MASK),
+            self._rider(drawn.next_observations, MASK),
         )
 
     def _train_critics(self, batches: Batches) -> None:
@@ -176,30 +187,37 @@ class BDPI(OffPolicyAlgorithm):
     def _train_actor(self, batches: Batches) -> None:
         """Eq. 2.4 for each critic in turn: pi <- (1 - lambda) pi + lambda Gamma(Q), on the critic's batch."""
         learned_last, _ = self._critics(self.q_loops - 1)
-        greedy = learned_last(batches.inputs).argmax(-1)  # (N, B)
+        greedy = mask_logits(learned_last(batches.inputs), batches.allowed).argmax(-1)  # (N, B)
         rate = 1.0 - math.exp(-self.delta)
         for critic in range(self.n_critics):
-            inputs = batches.inputs[critic : critic + 1]
-            own = probabilities(self.actor(inputs))  # (1, B, A)
+            batch = batches.of(critic)
+            logits = self.actor(batch.inputs)
+            own = probabilities(logits)  # (1, B, A)
             wanted = th.nn.functional.one_hot(greedy[critic : critic + 1], own.shape[-1]).to(own.dtype)
-            if batches.advice is not None:
-                wanted = self._correct(wanted, own, batches.advice[critic : critic + 1])
-            self.actor.fit(inputs, ((1.0 - rate) * own + rate * wanted).clamp(0.0, 1.0), self.fit_steps)
+            wanted = self._correct(wanted, logits, batch)
+            self.actor.fit(batch.inputs, ((1.0 - rate) * own + rate * wanted).clamp(0.0, 1.0), self.fit_steps)
 
-    def _correct(self, greedy: th.Tensor, own: th.Tensor, advice: th.Tensor) -> th.Tensor:
+    def _correct(self, greedy: th.Tensor, logits: th.Tensor, batch: Batches) -> th.Tensor:
+        """What the actor moves towards, knowing that it acts with advice, among the allowed actions."""
         mixing = self.policy.mixing
-        if not mixing.correction or mixing.method == SHAPING:  # the advice changed no action
+        if batch.advice is None or not mixing.correction or mixing.method == SHAPING:  # the advice changed no action
             return greedy
+        advice = mask_advice(batch.advice, batch.allowed)
+        allowed = probabilities(mask_logits(logits, batch.allowed))
         if mixing.method == INTERSECTION:
-            return correct_intersection(greedy, own, advice)
+            return correct_intersection(greedy, allowed, advice)
         if mixing.method == GEOMETRIC:
-            return correct_intersection(greedy, own, as_intersected(advice, mixing.weight))
+            return correct_intersection(greedy, allowed, as_intersected(advice, mixing.weight))
         return correct_reuse(greedy, advice, mixing.share)
 
     def _critics(self, iteration: int) -> tuple[Ensemble, Ensemble]:
         """The Q-functions that learn in this iteration, and the other ones."""
         first, second = self.policy.critics
         return (first, second) if iteration % 2 == 0 else (second, first)  # type: ignore[return-value]
+
+    def _rider(self, observations: Any, key: str) -> th.Tensor | None:
+        """What rides in the observations, (N, B, A), if it does."""
+        return self._split(observations[key]) if isinstance(observations, dict) and key in observations else None
 
     def _split(self, tensor: th.Tensor) -> th.Tensor:
         return tensor.view(self.n_critics, -1, *tensor.shape[1:])
@@ -232,7 +250,7 @@ def critic_targets(learning: Ensemble, other: Ensemble, batches: Batches, alpha:
     Q(s, a) + alpha (r + gamma min_l Q_l(s', argmax_a' QA(s', a')) - Q(s, a)), where QA is `learning`.
     """
     next_learning, next_other = learning(batches.next_inputs), other(batches.next_inputs)
-    best = next_learning.argmax(-1, keepdim=True)
+    best = mask_logits(next_learning, batches.next_allowed).argmax(-1, keepdim=True)
     next_values = th.minimum(next_learning, next_other).gather(-1, best)
     values = learning(batches.inputs)
     taken = values.gather(-1, batches.actions)
@@ -264,10 +282,6 @@ def correct_reuse(greedy: th.Tensor, advice: th.Tensor, psi: float) -> th.Tensor
     advised = advice / advice.sum(-1, keepdim=True)
     corrected = (greedy - psi * advised) / max(1.0 - psi, EPSILON)
     return th.where(is_neutral(advice), greedy, corrected)
-
-
-def _carries_advice(observations: Any) -> bool:
-    return isinstance(observations, dict) and "advice" in observations
 
 
 @contextmanager

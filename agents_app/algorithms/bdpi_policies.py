@@ -16,13 +16,14 @@ from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.preprocessing import get_flattened_obs_dim, preprocess_obs
 from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
 
-from agents_app.algorithms.advice import mix_logits, plain_space, without_advice
 from agents_app.algorithms.ensemble import Ensemble, StackedAdam
+from agents_app.algorithms.masks import SeesMask, allowed_of, mask_logits, mix_allowed
 from agents_app.algorithms.mixing import Mixing
+from agents_app.algorithms.riders import ADVICE, client_part, plain_space
 
 
-class BDPIPolicy(BasePolicy):
-    """`predict` is the learner's own policy; `sample` mixes it with the advice, if there is any."""
+class BDPIPolicy(SeesMask, BasePolicy):
+    """`predict` is the learner's own policy; `sample` mixes it with the advice, if there is any. Both keep to the mask."""
 
     takes_advice = True  # needs no mixin
     only_for_learning = ("critics",)
@@ -57,8 +58,8 @@ class BDPIPolicy(BasePolicy):
         return self._predict(obs, deterministic)
 
     def vector(self, obs: PyTorchObs) -> th.Tensor:
-        """What the networks look at, without the advice: (B, I), or whole numbers, (B,)."""
-        plain = without_advice(obs)
+        """What the networks look at, without advice and mask: (B, I), or whole numbers, (B,)."""
+        plain = client_part(obs)
         if self.lookup:
             return plain.long().flatten()
         parts = preprocess_obs(plain, self.observation_space, normalize_images=self.normalize_images)
@@ -68,7 +69,7 @@ class BDPIPolicy(BasePolicy):
 
     def logits(self, obs: PyTorchObs) -> th.Tensor:
         """Logarithms of the probabilities of the learner's own policy, (B, A)."""
-        return self.actor(self.vector(obs)[None])[0].log_softmax(-1)
+        return mask_logits(self.actor(self.vector(obs)[None])[0], allowed_of(obs)).log_softmax(-1)
 
     def get_distribution(self, obs: PyTorchObs) -> CategoricalDistribution:
         """The learner's own policy."""
@@ -79,17 +80,13 @@ class BDPIPolicy(BasePolicy):
         tensors, _ = self.obs_to_tensor(observation)
         with th.no_grad():
             logits = self.logits(tensors)
-            if isinstance(observation, dict) and "advice" in observation:
-                logits = self.mix(logits, th.as_tensor(observation["advice"], device=self.device))
+            if isinstance(observation, dict) and ADVICE in observation:
+                logits = self.mix(logits, th.as_tensor(observation[ADVICE], device=self.device), allowed_of(tensors))
             return _draw(logits).cpu().numpy()
 
-    def mix(self, logits: th.Tensor, advice: th.Tensor) -> th.Tensor:
+    def mix(self, logits: th.Tensor, advice: th.Tensor, allowed: th.Tensor | None = None) -> th.Tensor:
         """Unnormalised log-probabilities of the policy that acts, (B, A)."""
-        return mix_logits(logits, advice, self.mixing)
-
-    def obs_to_tensor(self, observation: Any) -> tuple[PyTorchObs, bool]:
-        """Tensors of the client's observation."""
-        return super().obs_to_tensor(without_advice(observation))
+        return mix_allowed(logits, advice, self.mixing, allowed)
 
     def optimizers(self) -> list[th.optim.Optimizer]:
         """Of the actor and of both ensembles."""

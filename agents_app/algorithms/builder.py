@@ -16,7 +16,9 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch.nn.utils import parameters_to_vector
 
 from agents_app.algorithms import advised_off_policy
+from agents_app.algorithms.advice import advised_space
 from agents_app.algorithms.advised import AdvisedPolicy
+from agents_app.algorithms.masks import masked_space
 from agents_app.algorithms.policies import policy_name
 from agents_app.algorithms.registry import get_row
 from agents_app.algorithms.spec import AgentSpec
@@ -46,12 +48,27 @@ def is_advised(spec: AgentSpec) -> bool:
     return spec.advice_method != "none" and get_row(spec.algorithm).advice
 
 
+def is_masked(spec: AgentSpec) -> bool:
+    """Whether observations carry a mask. MaskablePPO has a way of its own."""
+    row = get_row(spec.algorithm)
+    return spec.action_masks and row.masks and row.family != "maskable"
+
+
+def seen_space(spec: AgentSpec) -> gym.Space:
+    """The observation space that the algorithm is built on: with what rides in the observations."""
+    space = spec.observations()
+    if is_masked(spec):
+        space = masked_space(space, spec.actions())
+    return advised_space(space, spec.actions()) if is_advised(spec) else space
+
+
 def build(spec: AgentSpec, env: gym.Env | VecEnv, seed: int | None) -> Any:
     """The algorithm, on `env`, with fresh weights. Raises ValueError, TypeError or AssertionError for bad parameters."""
     row, family = get_row(spec.algorithm), family_of(spec)
     stock = row.load()
     stock_policy = stock.policy_aliases[policy_name(row, spec.observations(), spec.policy)]
-    classes = _advised(stock, stock_policy) if is_advised(spec) else (stock, stock_policy)
+    guided = is_advised(spec) or is_masked(spec)
+    classes = _guided(stock, stock_policy) if guided else (stock, stock_policy)
     algorithm_class, policy = family.learner_classes(*classes)
     arguments, horizon = _arguments(spec)
     paced: Any = type(stock.__name__, (Paced, algorithm_class), {"horizon": horizon})
@@ -63,8 +80,8 @@ def build(spec: AgentSpec, env: gym.Env | VecEnv, seed: int | None) -> Any:
     return algorithm
 
 
-def _advised(algorithm: type[Any], policy: type[Any]) -> tuple[type[Any], type[Any]]:
-    """The algorithm and its policy themselves, where they take advice as they are; else with mixins."""
+def _guided(algorithm: type[Any], policy: type[Any]) -> tuple[type[Any], type[Any]]:
+    """The algorithm and its policy themselves, where they take advice and masks as they are; else with mixins."""
     if getattr(policy, "takes_advice", False):
         return algorithm, policy
     if issubclass(algorithm, OffPolicyAlgorithm):

@@ -1,4 +1,4 @@
-"""MaskablePPO: as on the policy; every decision has a mask, all ones when the client sends none."""
+"""MaskablePPO: as on the policy, but that it has a way of its own for masks; all ones when the client sends none."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from agents_app.algorithms.actor import Memory
 from agents_app.algorithms.on_policy import (
     POLICY_KWARGS,
     SHARES_WEIGHTS,
@@ -17,7 +16,6 @@ from agents_app.algorithms.on_policy import (
     learner_classes,
     make_feed,
 )
-from agents_app.algorithms.replay import Decision
 
 __all__ = [
     "POLICY_KWARGS",
@@ -32,18 +30,11 @@ __all__ = [
 
 
 class MaskableActor(OnPolicyActor):
-    """Draws among the allowed actions."""
+    """Draws among the allowed actions: sb3_contrib's policy takes the mask as an argument."""
 
-    def decide(self, obs: Any, memory: Memory, mask: np.ndarray | None) -> tuple[Decision, Memory]:
-        """Draw an allowed action."""
-        return super().decide(obs, memory, self._all_or(mask))
-
-    def exploit(self, obs: Any, memory: Memory, mask: np.ndarray | None) -> tuple[Any, Memory]:
-        """The most probable allowed action."""
-        return super().exploit(obs, memory, self._all_or(mask))
-
-    def _all_or(self, mask: np.ndarray | None) -> np.ndarray:
-        return np.ones(self.action_space.n, bool) if mask is None else mask  # type: ignore[attr-defined]
+    def _masked(self, mask: np.ndarray | None) -> dict[str, Any]:
+        everything = np.ones(self.action_space.n, bool)  # type: ignore[attr-defined]
+        return {"action_masks": everything if mask is None else mask}
 
 
 make_actor = MaskableActor

@@ -99,7 +99,8 @@ class OnPolicyActor:
         self.steps += 1
 
     def _masked(self, mask: np.ndarray | None) -> dict[str, Any]:
-        return {} if mask is None else {"action_masks": mask}
+        """What the policy is told beside the observation, in which the mask rides."""
+        return {}
 
 
 def make_actor(algorithm: BaseAlgorithm) -> OnPolicyActor:

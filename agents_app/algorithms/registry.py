@@ -34,6 +34,11 @@ class Row:
         """Whether its learning rule can know of the advice. The others off the policy need not (actor_advisor.md section 2)."""
         return self.advice and (self.family == "on_policy" or self.name == "BDPI")
 
+    @property
+    def masks(self) -> bool:
+        """Whether an agent can have some of n actions forbidden at a step."""
+        return self.discrete and self.family in ("on_policy", "off_policy", "maskable")
+
     def load(self) -> type[Any]:
         """The algorithm's own class."""
         module, name = self.path.split(":")

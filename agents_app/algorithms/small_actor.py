@@ -17,14 +17,15 @@ from agents_app.algorithms.advice import (
     intersect_mean,
     is_empty,
     log_density,
-    mix_logits,
     product,
     reuse_log_density,
     says_nothing,
 )
+from agents_app.algorithms.masks import allowed_of, mask_logits, mix_allowed
 from agents_app.algorithms.mixing import INTERSECTION, LEARNER, SHAPING, Mixing
 from agents_app.algorithms.on_policy import OnPolicyActor
 from agents_app.algorithms.replay import Decision
+from agents_app.algorithms.riders import ADVICE
 from agents_app.algorithms.small_net import SmallNet, draw, log_softmax
 
 
@@ -38,10 +39,10 @@ class SmallActor(OnPolicyActor):
         self._choose = self._choose_one if isinstance(self.action_space, spaces.Discrete) else self._choose_vector
 
     def decide(self, obs: Any, memory: Memory, mask: np.ndarray | None) -> tuple[Decision, Memory]:
-        """Draw an action, with the advice in `obs` if there is any."""
+        """Draw an action, with the advice and the mask in `obs` if there are any."""
         out, value = self.net.act_and_value(obs)
-        advice = obs.get("advice") if isinstance(obs, dict) else None
-        taken, env_action, log_prob = self._choose(out, advice)
+        advice = obs.get(ADVICE) if isinstance(obs, dict) else None
+        taken, env_action, log_prob = self._choose(out, advice, allowed_of(obs))
         replay = (
             th.from_numpy(taken[None]),
             th.from_numpy(value[None]),
@@ -53,18 +54,20 @@ class SmallActor(OnPolicyActor):
         """The most probable action of the learner's own policy."""
         out = self.net.act(obs)
         if isinstance(self.action_space, spaces.Discrete):
-            return np.int64(out.argmax()), None
+            return np.int64(mask_logits(out, allowed_of(obs)).argmax()), None
         bounds: Any = self.action_space
         return np.clip(out.reshape(bounds.shape), bounds.low, bounds.high), None
 
-    def _choose_one(self, logits: np.ndarray, advice: np.ndarray | None) -> tuple[np.ndarray, Any, Any]:
+    def _choose_one(
+        self, logits: np.ndarray, advice: np.ndarray | None, allowed: np.ndarray | None
+    ) -> tuple[np.ndarray, Any, Any]:
         """Among n actions: what the rollout keeps, what the environment takes, the log-probability for the learner."""
-        mixed = log_softmax(logits if advice is None else mix_logits(logits, advice, self.mixing))
+        mixed = log_softmax(mix_allowed(logits, advice, self.mixing, allowed))
         action = draw(mixed)
-        seen = mixed if self.mixing.correction or advice is None else log_softmax(logits)
+        seen = mixed if self.mixing.correction or advice is None else log_softmax(mask_logits(logits, allowed))
         return np.array(action), np.int64(action), seen[action]
 
-    def _choose_vector(self, mean: np.ndarray, advice: np.ndarray | None) -> tuple[np.ndarray, Any, Any]:
+    def _choose_vector(self, mean: np.ndarray, advice: np.ndarray | None, _: None) -> tuple[np.ndarray, Any, Any]:
         """A vector of real numbers; the environment gets it clipped to its bounds, as SB3 does."""
         own = Gaussian(mean, self.net.deviations())
         flat, log_prob = draw_vector(own, advice, self.mixing)

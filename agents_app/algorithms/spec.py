@@ -21,6 +21,7 @@ class AgentSpec:
     observation_space: Any
     policy: str = "auto"
     parameters: dict[str, Any] = field(default_factory=dict)
+    action_masks: bool = False
     advice_method: str = "none"
     learning_correction: bool = True
     continuous_advice: str = "mean"

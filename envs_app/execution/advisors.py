@@ -18,6 +18,7 @@ from stable_baselines3.common.utils import obs_as_tensor
 
 from agents_app.algorithms.actor import advising_policy, batch
 from agents_app.algorithms.advice import as_order, combine, combine_logs, neutral_advice
+from agents_app.algorithms.masks import allowed_of, mask_advice, mask_logits
 from agents_app.algorithms.mixing import ALL, BEST, GEOMETRIC, SEVERAL, SOFT
 from agents_app.algorithms.small_net import SmallNet, Unsupported, log_softmax
 from agents_app.algorithms.spec import AgentSpec
@@ -55,9 +56,9 @@ class Peer:
             self._net = None
 
     def probabilities(self, obs: Any) -> np.ndarray:
-        """Of each action, (A,)."""
+        """Of each action, (A,); 0 for those that are not allowed."""
         if self._net is not None:
-            return np.exp(log_softmax(self._net.act(obs)))
+            return np.exp(log_softmax(mask_logits(self._net.act(obs), allowed_of(obs))))
         return self._distribution(obs).probs[0].numpy()
 
     def gaussian(self, obs: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -100,9 +101,9 @@ class Advisors:
         answers = [self._ask(peer, obs) for peer in peers if peer is not None]
         return self._combine(answers) if answers else self._neutral
 
-    def temper(self, advice: np.ndarray) -> np.ndarray:
-        """Advice from outside, as `advise` gives a peer's."""
-        return self._combine([advice])
+    def temper(self, advice: np.ndarray, obs: Any = None) -> np.ndarray:
+        """Advice from outside, as `advise` gives a peer's; what it says of actions that are not allowed does not count."""
+        return self._combine([mask_advice(advice, allowed_of(obs))])
 
     def names(self) -> list[int | str]:
         """Whose advice is taken now: numbers of executions, and the name of a frozen advisor."""

@@ -228,18 +228,18 @@ class Desk:
         """Choose an action; the record of it comes after the answer."""
         worker, message = self.worker, waiting.message
         track = self._track(message["session"])
-        mask = None if message.get("mask") is None else np.array(message["mask"], bool)
+        mask = _mask(message)
         if not worker.learning:
             track.segment.break_off()
             track.direct = False
             worker.refresh()
-            action, track.memory = worker.actor.exploit(see(worker.client_space, obs), track.memory, mask)
+            action, track.memory = worker.actor.exploit(worker.show(obs, mask), track.memory, mask)
             self._finish(waiting, action)
         elif worker.direct:
             self._ask_algorithm(waiting, track, see(worker.client_space, obs))
         else:
             worker.refresh()
-            seen = worker.see(obs, decode_advice(message.get("advice")))
+            seen = worker.see(obs, decode_advice(message.get("advice")), mask)
             decision, track.memory = worker.actor.decide(seen, track.memory, mask)
             self._finish(waiting, decision.action)
             decision.bonus = worker.bonus(decision)
@@ -267,7 +267,7 @@ class Desk:
             worker.feed.follow(outcome)
         elif track.segment.last is not None:
             ends = message["terminated"], message["truncated"]
-            track.segment.end(message["reward"], worker.see(obs), *ends, message.get("info"))
+            track.segment.end(message["reward"], worker.see(obs, None, _mask(message)), *ends, message.get("info"))
 
     def _episode(self, state: SessionState) -> dict[str, Any]:
         """What is kept of the episode that ends now."""
@@ -304,7 +304,7 @@ class Desk:
     # --- algorithms that play themselves ---
     def _ask_algorithm(self, waiting: Waiting, track: Track, seen: Any) -> None:
         feed, message = self.worker.feed, waiting.message
-        feed.mask = None if message.get("mask") is None else np.array(message["mask"], bool)
+        feed.mask = _mask(message)
         if track.direct:
             feed.follow(Outcome(message["reward"], seen, False, False, None, message.get("info")))
         else:
@@ -319,6 +319,11 @@ class Desk:
         if action is not None:
             del self.parked[session]
             self._finish(waiting, action)
+
+
+def _mask(message: Message) -> np.ndarray | None:
+    """Which actions the client allows; None: all."""
+    return None if message.get("mask") is None else np.array(message["mask"], bool)
 
 
 def refusal(code: str, detail: str, retry_after: float | None) -> Message:

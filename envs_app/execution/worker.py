@@ -19,8 +19,9 @@ import torch as th
 import envs_app.shepherd_env  # noqa: F401  (registers ShepherdEnv-v0)
 from agents_app.algorithms import builder
 from agents_app.algorithms.actor import advice_weights
-from agents_app.algorithms.advice import advised_space, shaping_reward, with_advice
+from agents_app.algorithms.advice import shaping_reward, with_advice
 from agents_app.algorithms.direct import LiveFeed
+from agents_app.algorithms.masks import with_mask
 from agents_app.algorithms.mixing import SHAPING
 from agents_app.algorithms.replay import Decision
 from agents_app.algorithms.spec import AgentSpec, see
@@ -105,6 +106,7 @@ class Worker:
         family = builder.family_of(spec.agent)
         self.feed: Any = family.make_feed()
         self.direct = isinstance(self.feed, LiveFeed)
+        self.masked = builder.is_masked(spec.agent)
         self.algorithm = builder.build(spec.agent, self._environment(), seed)
         self.store = SaveStore(Path(spec.saves))
         self._restore()
@@ -145,12 +147,17 @@ class Worker:
         self.learning = learning
         self.feed.pause(not learning)
 
-    def see(self, obs: Any, advice: np.ndarray | None = None) -> Any:
-        """A client's observation as the algorithm sees it, with the client's advice or a peer's if the agent takes any."""
+    def show(self, obs: Any, mask: np.ndarray | None = None) -> Any:
+        """A client's observation as the algorithm sees it, with the mask if the agent takes any; advice is not asked for."""
         seen = see(self.client_space, obs)
+        return with_mask(seen, mask, self.action_space.n) if self.masked else seen  # type: ignore[attr-defined]
+
+    def see(self, obs: Any, advice: np.ndarray | None = None, mask: np.ndarray | None = None) -> Any:
+        """The same, with the client's advice or a peer's if the agent takes any."""
+        seen = self.show(obs, mask)
         if self.advisors is None:
             return seen
-        return with_advice(seen, self.advisors.advise(seen) if advice is None else self.advisors.temper(advice))
+        return with_advice(seen, self.advisors.advise(seen) if advice is None else self.advisors.temper(advice, seen))
 
     def bonus(self, decision: Decision) -> float:
         """What the learner is given on top of the client's reward: reward shaping, thesis 5.2.1."""
@@ -204,9 +211,7 @@ class Worker:
         return Turns(Path(self.spec.turns), cores())
 
     def _environment(self) -> gym.Env | Lane:
-        space = self.spec.agent.observations()
-        if builder.is_advised(self.spec.agent):
-            space = advised_space(space, self.action_space)
+        space = builder.seen_space(self.spec.agent)
         env = gym.make("ShepherdEnv-v0", observation_space=space, action_space=self.action_space, feed=self.feed)
         return env if self.direct else Lane(env)
 

@@ -11,18 +11,14 @@ from gymnasium import spaces
 from stable_baselines3.common.utils import obs_as_tensor
 
 import envs_app.shepherd_env  # noqa: F401  (registers ShepherdEnv-v0)
-from agents_app.algorithms.advice import advised_space
-from agents_app.algorithms.builder import build, family_of, is_advised
+from agents_app.algorithms.builder import build, family_of, seen_space
 from agents_app.algorithms.spec import AgentSpec
 
 
 def environment(spec: AgentSpec) -> gym.Env:
     """The environment that the algorithm plays on."""
-    space = spec.observations()
-    if is_advised(spec):
-        space = advised_space(space, spec.actions())
     feed = family_of(spec).make_feed()
-    return gym.make("ShepherdEnv-v0", observation_space=space, action_space=spec.actions(), feed=feed)
+    return gym.make("ShepherdEnv-v0", observation_space=seen_space(spec), action_space=spec.actions(), feed=feed)
 
 
 def built(spec: AgentSpec, seed: int | None = 1) -> Any:

@@ -12,19 +12,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from agents_app.algorithms import advice as arithmetic
 from agents_app.algorithms.advice import (
-    PLAIN,
     advice_space,
     advised_space,
     combine,
     intersect_logits,
     intersect_mean,
     neutral_advice,
-    plain_space,
     with_advice,
     without_advice,
 )
+from agents_app.algorithms.riders import PLAIN, plain_space
 
 N = 4
 sizes = st.integers(1, 8)
@@ -187,7 +185,7 @@ class TestObservations:
 
     def test_the_key_is_one_that_no_client_may_use(self) -> None:
         assert PLAIN not in ("advice", "")
-        assert arithmetic.PLAIN.startswith("_")
+        assert PLAIN.startswith("_")
 
 
 @settings(max_examples=20)
