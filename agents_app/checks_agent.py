@@ -21,6 +21,7 @@ from agents_app.algorithms.policies import (
     kind_of_policy,
     policy_name,
 )
+from agents_app.algorithms.registry import get_row
 from agents_app.spaces import is_image, parse_space
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ def check_agent(agent: Agent) -> None:
     _check_observations(algorithm, observation_space)
     _check_policy(algorithm, observation_space, agent.policy)
     _check_advice(agent, algorithm, action_space)
+    _check_masks(agent, algorithm, action_space)
 
 
 def check_parameters(agent: Agent, changes: dict[str, Any]) -> None:
@@ -69,8 +71,10 @@ def _unsuitable(agent: Agent, values: dict[str, Any]) -> Iterator[tuple[str, str
     """Names of parameters, and what is wrong with them."""
     if values.get("use_sde") and isinstance(agent.action_space, int):
         yield "use_sde", "This exploration needs actions that are vectors of numbers: choose no."
-    if (values.get("n_steps") or 1) > 1 and isinstance(agent.observation_space, dict) and "buffer_size" in values:
-        yield "n_steps", f"{agent.algorithm} takes 1 only when observations are a dictionary: write 1."
+    in_dictionaries = isinstance(agent.observation_space, dict) or agent.action_masks
+    if (values.get("n_steps") or 1) > 1 and in_dictionaries and "buffer_size" in values:
+        what = "actions can be masked" if agent.action_masks else "observations are a dictionary"
+        yield "n_steps", f"{agent.algorithm} takes 1 only when {what}: write 1."
     if (
         values.get("net_arch")
         and policy_name(agent.algorithm, _space(agent, "observation_space"), agent.policy) == LINEAR
@@ -172,6 +176,19 @@ def _check_policy(algorithm: Algorithm, space: spaces.Space, policy: str) -> Non
             if policy in algorithm.policies
             else {"policy": f"{algorithm} has no {policy}: write {' or '.join([AUTO, *fitting])}."}
         )
+
+
+def _check_masks(agent: Agent, algorithm: Algorithm, space: spaces.Space) -> None:
+    """Masks that the algorithm or the actions cannot take."""
+    if not agent.action_masks:
+        return
+    sentence = ""
+    if not isinstance(space, spaces.Discrete):
+        sentence = "Only one of n actions can be forbidden: write no."
+    elif not get_row(algorithm.name).masks:
+        sentence = f"{algorithm} cannot be told which actions are allowed: write no, or choose e.g. PPO."
+    if sentence:
+        raise ValidationError({"action_masks": sentence})
 
 
 def _check_advice(agent: Agent, algorithm: Algorithm, space: spaces.Space) -> None:

@@ -99,6 +99,7 @@ def agent_spec(agent: Agent, parameters: dict[str, Any]) -> AgentSpec:
         observation_space=agent.observation_space,
         policy=agent.policy,
         parameters=defaults | parameters,
+        action_masks=agent.action_masks,
         advice_method=agent.advice_method,
         learning_correction=agent.learning_correction,
         continuous_advice=agent.continuous_advice,

@@ -59,7 +59,7 @@ STEP_REQUEST = _object(
         "action_mask": {
             "type": ["array", "null"],
             "items": {"type": "boolean"},
-            "description": "Which actions are allowed.",
+            "description": "Which actions are allowed, for agents that take masks.",
         },
     },
 )

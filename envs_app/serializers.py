@@ -89,10 +89,11 @@ class SessionAgentSerializer(serializers.ModelSerializer):
     """What a client must know of its agent."""
 
     algorithm = serializers.CharField(source="algorithm.name")
+    action_masks = serializers.BooleanField(source="takes_masks", help_text="Whether steps may have an action_mask.")
 
     class Meta:
         model = Agent
-        fields = ["name", "algorithm", "action_space", "observation_space"]
+        fields = ["name", "algorithm", "action_space", "observation_space", "action_masks"]
 
 
 class SessionSerializer(serializers.Serializer):
@@ -139,7 +140,8 @@ class AgentSerializer(SessionAgentSerializer):
     class Meta:
         model = Agent
         fields = [
-            *("id", "name", "algorithm", "policy", "action_space", "observation_space", "parameters", "advice"),
+            *("id", "name", "algorithm", "policy", "action_space", "observation_space", "action_masks"),
+            *("parameters", "advice"),
             *("enable_learning", "max_percent_cpu", "max_executions", "sessions_per_execution"),
             *("start_from", "save_interval", "public", "created_at", "last_activity_at", "run"),
         ]

@@ -152,7 +152,7 @@ def load(key_hash: str) -> Handle:
         agent=str(agent.pk),
         run=agent.current_run().pk,
         observation_space=parse_space(agent.observation_space),
-        actions=agent.action_space if row.family == "maskable" else None,
+        actions=agent.action_space if agent.takes_masks else None,
         advised_actions=parse_space(agent.action_space) if advised else None,
         max_executions=agent.max_executions,
         sessions_per_execution=places(agent),
@@ -227,7 +227,9 @@ def _mask(handle: Handle, mask: list[bool] | None) -> list[bool] | None:
     if mask is None:
         return None
     if handle.actions is None:
-        raise InvalidRequest("action_mask: the agent's algorithm takes none; use MaskablePPO.")
+        raise InvalidRequest(
+            "action_mask: the agent takes none; its owner can tick that some actions are forbidden at times."
+        )
     return read_mask(mask, handle.actions).tolist()
 
 

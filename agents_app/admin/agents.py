@@ -39,7 +39,7 @@ ADVICE = (
 )
 ADVISED, INTERSECTED = "advice_method != 'none'", "advice_method == 'intersection'"
 EXECUTIONS = ("max_percent_cpu", "max_executions", "sessions_per_execution", "save_interval", "start_from")
-AT_RESTART = {"policy", "action_space", "observation_space", *ADVICE, "start_from"}
+AT_RESTART = {"policy", "action_space", "observation_space", "action_masks", *ADVICE, "start_from"}
 
 
 def advice_fields(agent: Agent) -> dict[str, Any]:
@@ -50,6 +50,12 @@ def advice_fields(agent: Agent) -> dict[str, Any]:
     discrete = isinstance(agent.action_space, int)
     idle = {"continuous_advice", "advice_samples"} if discrete else {"rho"}
     return {"fields": [name for name in ADVICE if name not in idle and (row.corrects or name != "learning_correction")]}
+
+
+def takes_setting_of_masks(agent: Agent) -> bool:
+    """Whether its owner decides that actions can be masked. MaskablePPO's always can be."""
+    row = BY_NAME.get(agent.algorithm.name)
+    return row is not None and row.masks and row.family != "maskable" and isinstance(agent.action_space, int)
 
 
 @admin.register(Agent)
@@ -79,9 +85,10 @@ class AgentAdmin(AgentPages, DeletesQuietly, OwnedAdmin):
         owner = ("owner",) if request.user.is_superuser else ()
         if obj is None:
             return [(None, {"fields": (*owner, *BASICS)})]
+        masks = ("action_masks",) if takes_setting_of_masks(obj) else ()
         parameters = [PREFIX + name for name in obj.algorithm.parameters.values_list("name", flat=True)]
         return [
-            ("Agent", {"classes": ["tab"], "fields": (*owner, *BASICS, "policy", "enable_learning", "public")}),
+            ("Agent", {"classes": ["tab"], "fields": (*owner, *BASICS, "policy", *masks, "enable_learning", "public")}),
             ("Parameters", {"classes": ["tab"], "fields": parameters}),
             ("Advice", {"classes": ["tab"], **advice_fields(obj)}),
             ("Executions", {"classes": ["tab"], "fields": EXECUTIONS}),

@@ -126,7 +126,7 @@ class EpsilonGreedy(SeesMask):
     exploration: th.Tensor
 
     def __init__(self, observation_space: spaces.Space, *args: Any, **kwargs: Any) -> None:
-        super().__init__(plain_space(observation_space), *args, **kwargs)
+        super().__init__(plain_space(observation_space), *args, **kwargs)  # type: ignore[call-arg]
         # Published to the peers with the weights (weights.py), but none of those that stock SB3 loads.
         self.register_buffer("exploration", th.ones(()), persistent=False)  # type: ignore[attr-defined]
 

@@ -54,7 +54,9 @@ class Batches:
 
     def of(self, critic: int) -> Batches:
         """The batch of one critic."""
-        parts = {name: part if part is None else part[critic : critic + 1] for name, part in vars(self).items()}
+        parts: dict[str, Any] = {
+            name: None if it is None else it[critic : critic + 1] for name, it in vars(self).items()
+        }
         return Batches(**parts)
 
 

@@ -33,8 +33,8 @@ class MaskableActor(OnPolicyActor):
     """Draws among the allowed actions: sb3_contrib's policy takes the mask as an argument."""
 
     def _masked(self, mask: np.ndarray | None) -> dict[str, Any]:
-        everything = np.ones(self.action_space.n, bool)  # type: ignore[attr-defined]
-        return {"action_masks": everything if mask is None else mask}
+        actions: Any = self.action_space
+        return {"action_masks": np.ones(int(actions.n), bool) if mask is None else mask}
 
 
 make_actor = MaskableActor

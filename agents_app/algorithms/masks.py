@@ -54,7 +54,8 @@ def mask_advice(advice: Array, allowed: Array | None) -> Array:
     said, left = advice.sum(-1)[..., None], kept.sum(-1)[..., None]
     kept = kept * (said / (left + (left == 0)))
     silent = is_neutral(advice) | (left == 0)
-    return th.where(silent, 1.0, kept) if isinstance(kept, th.Tensor) else np.where(silent, np.float32(1.0), kept)
+    xp: Any = th if isinstance(kept, th.Tensor) else np
+    return xp.where(silent, xp.ones_like(kept), kept)
 
 
 def mix_allowed(logits: Array, advice: Array | None, mixing: Mixing, allowed: Array | None) -> Array:
@@ -70,6 +71,10 @@ def mix_allowed(logits: Array, advice: Array | None, mixing: Mixing, allowed: Ar
 
 class SeesMask:
     """Mix into a policy that is built on the client's observation, on the left: the mask stays beside it."""
+
+    def is_vectorized_observation(self, observation: Any) -> bool:
+        """Whether the client's observation is a batch of several."""
+        return super().is_vectorized_observation(client_part(observation))  # type: ignore[misc]
 
     def obs_to_tensor(self, observation: Any) -> tuple[Any, bool]:
         """Tensors of the client's observation, and of the mask if there is one."""

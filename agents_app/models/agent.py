@@ -12,6 +12,7 @@ from django.db import models
 from django.utils import timezone
 
 from agents_app.algorithms import mixing
+from agents_app.algorithms.registry import get_row
 from agents_app.models.catalogue import Algorithm
 
 
@@ -70,6 +71,11 @@ class Agent(models.Model):
     )
     enable_learning = models.BooleanField(
         default=True, help_text="Unticked, the agent acts as well as it can and learns nothing."
+    )
+    action_masks = models.BooleanField(
+        "some actions are forbidden at times",
+        default=False,
+        help_text="The client says at each step which of the n actions are allowed (action_mask); no other one is chosen.",
     )
     max_percent_cpu = models.PositiveIntegerField(
         "maximum percent of CPU",
@@ -199,6 +205,11 @@ class Agent(models.Model):
     def own_parameters(self) -> dict[str, Any]:
         """The values that the owner set, by parameter name."""
         return {value.parameter.name: value.value for value in self.parameter_values.select_related("parameter")}
+
+    @property
+    def takes_masks(self) -> bool:
+        """Whether clients may say which actions are allowed; with MaskablePPO they always may."""
+        return self.action_masks or get_row(self.algorithm.name).family == "maskable"
 
     def has_learned(self) -> bool:
         """Whether the current run has anything that depends on the spaces and the policy."""

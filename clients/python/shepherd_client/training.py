@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     import gymnasium
 
 RECENT = 100  # episodes in the mean
-MASKABLE = ("MaskablePPO",)  # the algorithms that take masks of allowed actions; the others refuse them
 
 
 def run(
@@ -60,7 +59,7 @@ def train(
 
 def play(env: gymnasium.Env, session: Session, seed: int | None = None) -> Iterator[float | None]:
     """Play episode after episode; yields after each step, None or at an episode's end its return."""
-    masked = session.agent.get("algorithm") in MASKABLE
+    masked = session.agent.get("action_masks", False)
     while True:
         obs, info = env.reset(seed=seed)
         seed, total = None, None
