@@ -32,7 +32,13 @@ def test_it_answers_with_a_session_key_and_what_the_client_must_know(api, opened
     assert response.status_code == 201
     assert response.json() == {
         "session_key": "ss_secret",
-        "agent": {"name": "lander", "algorithm": "PPO", "action_space": 4, "observation_space": [[8], -10, 10]},
+        "agent": {
+            "name": "lander",
+            "algorithm": "PPO",
+            "action_space": 4,
+            "observation_space": [[8], -10, 10],
+            "action_masks": False,
+        },
     }
 
 
