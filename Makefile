@@ -16,15 +16,15 @@ WORKERS ?= $(shell echo $$(( $$(nproc) + 1 )))# one more than cores: tests that 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run demo test bench experiments lint audit format clean
+.PHONY: help setup run demo test bench experiments screenshots lint audit format clean
 
 help:  ## List the commands
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /make \1\t/' | expand -t 20
 
 setup: $(VENV)/.dev  ## Make .venv with everything that tests and lint need
 
-run: $(VENV)/.runtime  ## Serve on this machine until Ctrl-C
-	@$(BIN)/python manage.py serve
+run: $(VENV)/.runtime  ## Serve on this machine until Ctrl-C; the first time with something to look at
+	@$(BIN)/python manage.py serve --demo-data
 
 demo: $(VENV)/.runtime  ## Serve, train an agent on Cart Pole with a real client, and go on serving
 	@$(BIN)/python manage.py demo
@@ -37,6 +37,9 @@ bench: $(VENV)/.dev  ## Measure speed and memory, and show them beside their bar
 
 experiments: $(VENV)/.dev  ## Play the figures of the thesis that are missing (hours), and show them
 	$(BIN)/python -m experiments $(ARGS)
+
+screenshots: $(VENV)/.dev  ## Take the pictures of docs/screenshots anew (needs Chromium)
+	$(BIN)/python -m tests.browser.screenshots
 
 lint: $(VENV)/.dev  ## Check style, types, migrations and settings
 	$(BIN)/ruff check .

@@ -54,7 +54,8 @@ def _run(command: str, options: dict[str, Any], parent: int, answer: Connection)
     answer.send((printed.getvalue(), None))
 
 
-def prepare(demo_data: bool) -> dict[str, Any]:
-    """Bring the database up to date; with `demo_data`, make what is missing of that and return its new secrets."""
+def prepare(demo_data: bool, if_new: bool = False) -> dict[str, Any]:
+    """Bring the database up to date; with `demo_data`, make what is missing of that and return its new secrets; `if_new`:
+    only where nobody has made anything yet."""
     manage("migrate", verbosity=0, interactive=False)
-    return json.loads(manage("demo_data") or "{}") if demo_data else {}
+    return json.loads(manage("demo_data", if_new=if_new) or "{}") if demo_data else {}

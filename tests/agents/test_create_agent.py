@@ -108,8 +108,24 @@ def test_demo_data_is_made_once():
     call_command("demo_data", stdout=out)
     made = json.loads(out.getvalue())
     assert User.objects.get(name="admin").check_password(made["admin"]["password"])
-    assert [agent["name"] for agent in made["agents"]] == ["CartPole demo", "Lunar Lander demo"]
+    assert [agent["name"] for agent in made["agents"]] == ["CartPole demo", "Lunar Lander demo", "Bored in the city"]
     again = io.StringIO()
     call_command("demo_data", stdout=again)
     assert again.getvalue() == ""
-    assert Agent.objects.count() == 2
+    assert Agent.objects.count() == 3
+
+
+def test_demo_data_makes_nothing_where_somebody_has_deleted_it():
+    call_command("demo_data", if_new=True, stdout=io.StringIO())
+    assert Agent.objects.count() == 3
+    Agent.objects.all().delete()
+    call_command("demo_data", if_new=True, stdout=io.StringIO())
+    assert not Agent.objects.exists()
+
+
+def test_the_page_bored_in_the_city_finds_its_agent(client):
+    assert client.get("/bored/config.json").json()["key"] is None
+    call_command("demo_data", stdout=io.StringIO())
+    key = APIKey.objects.get(published=client.get("/bored/config.json").json()["key"])
+    assert (key.agent.name, key.scope) == ("Bored in the city", "step")
+    assert key.agent.observation_space == [[29], -1, 1]

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import secrets
+from argparse import ArgumentParser
 from typing import Any
 
+from django.conf import settings
 from django.core.management.base import BaseCommand
 from django.db import transaction
 
 from agents_app import services
 from agents_app.models import Agent, Algorithm, APIKey, User
+
+PLACES = len(json.loads((settings.BASE_DIR / "frontend" / "bored" / "places.json").read_text("utf-8"))["places"])
 
 # PPO as in the RL Zoo of Stable-Baselines3, for one environment instead of eight or sixteen.
 DEMOS: dict[str, dict[str, Any]] = {
@@ -38,18 +42,33 @@ DEMOS: dict[str, dict[str, Any]] = {
             "ent_coef": 0.01,
         },
     },
+    # One-step episodes of many visitors (docs/bored.md), whose page finds the agent by its name and shows its key.
+    "Bored in the city": {
+        "algorithm": "MaskablePPO",
+        "action_space": PLACES,
+        "observation_space": [[29], -1, 1],
+        "sessions_per_execution": 100,
+        "parameters": {"n_steps": 64, "batch_size": 64, "gamma": 0.0, "ent_coef": 0.01, "learning_rate": 0.001},
+        "publishable": True,
+    },
 }
 
 
 class Command(BaseCommand):
-    """Make the superuser `admin` and two agents, unless they exist; print new secrets once, as one line of JSON."""
+    """Make the superuser `admin` and three agents, unless they exist; print new secrets once, as one line of JSON."""
 
-    help = "Make a superuser 'admin' and two demo agents; print what was newly made, with its secrets, as JSON."
+    help = "Make a superuser 'admin' and three demo agents; print what was newly made, with its secrets, as JSON."
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        """Whether what somebody has deleted comes back."""
+        parser.add_argument("--if-new", action="store_true", help="make nothing where there is a user already")
 
     @transaction.atomic
-    def handle(self, **options: Any) -> None:
+    def handle(self, *, if_new: bool, **options: Any) -> None:
         """Make what is missing."""
         made: dict[str, Any] = {}
+        if if_new and User.objects.exists():
+            return
         owner = User.objects.filter(name="admin").first()
         if owner is None:
             made["admin"] = {"name": "admin", "password": secrets.token_urlsafe(12)}
@@ -61,8 +80,17 @@ class Command(BaseCommand):
             self.stdout.write(json.dumps(made))
 
 
-def make_agent(owner: User, name: str, parameters: dict[str, Any], **spaces: Any) -> dict[str, str]:
-    """The agent, with a key; as the JSON says it."""
-    fields = {"name": name, "algorithm": Algorithm.objects.get(name="PPO"), **spaces}
+def make_agent(
+    owner: User,
+    name: str,
+    parameters: dict[str, Any],
+    algorithm: str = "PPO",
+    publishable: bool = False,
+    **fields: Any,
+) -> dict[str, str]:
+    """The agent, with a key, and one for web pages if it is `publishable`; as the JSON says it."""
+    fields |= {"name": name, "algorithm": Algorithm.objects.get(name=algorithm)}
     agent = services.create_agent(owner, fields, parameters)
+    if publishable:
+        APIKey.issue(agent, name="web page", publishable=True)
     return {"id": str(agent.pk), "name": name, "api_key": APIKey.issue(agent, name="demo")[1]}

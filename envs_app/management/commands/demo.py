@@ -135,6 +135,7 @@ Where to look now (the learning curve is on the page of the agent):
   administration   {url}admin/agents_app/agent/{agent.pk}/change/
   log in           {login}
   API              {url}api/docs/
+  a page to try    {url}bored/   (Bored in the city: its visitors train an agent)
   go on training   make an API key on the agent's page, then
                    SHEPHERD_API_KEY=... .venv/bin/shepherd-client --env CartPole-v1 --url {url}
 Serving until Ctrl-C, which saves what was learned.

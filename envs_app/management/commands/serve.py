@@ -26,7 +26,9 @@ class Command(BaseCommand):
         """The address, and whether to make something to look at."""
         parser.add_argument("--host", default=env.text("HOST", "127.0.0.1"), help="Address to listen on (HOST).")
         parser.add_argument("--port", type=int, default=env.integer("PORT", 8000), help="Port (PORT); 0: a free one.")
-        parser.add_argument("--demo-data", action="store_true", help="Make a demo agent and an administrator.")
+        parser.add_argument(
+            "--demo-data", action="store_true", help="In a new database, make demo agents and an administrator."
+        )
 
     def handle(self, *args: Any, host: str, port: int, demo_data: bool, **options: Any) -> None:
         """Serve. A failed start is one line and exit code 1."""
@@ -44,13 +46,16 @@ class Command(BaseCommand):
         supervisor = Supervisor(_options(host, port), self._say)
         _log_to(settings.LOG_DIR)
         settings.STATIC_ROOT.mkdir(parents=True, exist_ok=True)
-        supervisor.run(lambda: prepare(demo_data), lambda credentials: self._announce(supervisor.url, credentials))
+        supervisor.run(
+            lambda: prepare(demo_data, if_new=True), lambda credentials: self._announce(supervisor.url, credentials)
+        )
         self._say("Shepherd has ended.")
 
     def _announce(self, url: str, credentials: dict[str, Any]) -> None:
         self._say(f"Shepherd is ready: {url}")
         self._say(f"  administration   {url}admin/")
         self._say(f"  API              {url}api/docs/")
+        self._say(f"  a page to try    {url}bored/")
         if admin := credentials.get("admin"):
             self._say(f"  log in           name {admin['name']}, password {admin['password']}")
         for agent in credentials.get("agents", []):
