@@ -92,7 +92,7 @@ def test_the_first_visit_is_light_and_a_place_is_loved(visitor, city, owners_key
     visitor.presses("I love it, add to favorites")
     visitor.sees("#panel .loved", "Among your favorites")
     visitor.sees("#snack", f"{name} is a favorite")
-    assert visitor.sees("#favourites .count") == "1"
+    assert visitor.sees("#favourites-button .count") == "1"
     assert visitor.asks_for_a_place() != name
     wait_for(lambda: len(answers(city, owners_key)) == before + 1)
     assert answers(city, owners_key)[-1] == 1
@@ -260,14 +260,14 @@ def test_it_speaks_the_visitors_language(visitor, languages, tag, title, next_pl
     visitor.sees("#panel address", address)
     visitor.presses("Menu").presses("English", within="dialog")
     visitor.sees("#panel .actions", "I love it")
-    visitor.opens().sees("#favourites", "Show favorites")  # that choice is kept
+    visitor.opens().sees("#favourites-button", "Show favorites")  # that choice is kept
 
 
 def test_a_link_opens_a_place_and_forgetting_leaves_nothing(visitor, city):
     visitor.opens("#place/manneken-pis")
     visitor.sees("#panel h2", "Manneken Pis")
     visitor.presses("Add to favorites")
-    visitor.sees("#favourites .count", "1")
+    visitor.sees("#favourites-button .count", "1")
     visitor.opens().asks_for_a_place()
     session = visitor.memory()["seats"][0]["key"]
     visitor.presses("Menu").presses("Privacy", within="dialog")

@@ -45,7 +45,7 @@ export class App {
     this.panel = byId("panel");
     this.snack = new Snack(byId("snack"));
     this.whereabouts.onMove = () => this.#showVisitor();
-    byId("favourites").addEventListener("click", () => this.go(location.hash === "#favourites" ? "" : "favourites"));
+    byId("favourites-button").addEventListener("click", () => this.go(location.hash === "#favourites" ? "" : "favourites"));
     byId("menu").addEventListener("click", () => openMenu(this, /** @type {HTMLDialogElement} */ (byId("dialog"))));
     addEventListener("hashchange", () => this.show(true));
   }
@@ -237,7 +237,7 @@ export class App {
 
   #countFavourites() {
     const open = location.hash === "#favourites";
-    const pill = byId("favourites");
+    const pill = byId("favourites-button");
     const { length } = this.visitor.favourites;
     const words = this.texts.say(open ? "favourites.hide" : "favourites.show");
     /** @type {HTMLElement} */ (pill.querySelector(".words")).textContent = words;
