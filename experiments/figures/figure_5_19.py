@@ -12,15 +12,15 @@ from experiments.over_http import OverHTTP
 LANDER, EPISODES = "LunarLander-v3", 600
 SERVER, PROCESS = "Lunar Lander, through the server", "Lunar Lander, in one process"
 ALONE, TWO, FOUR = "1 execution", "2 executions, intersection", "4 executions, intersection"
-TWO_MEAN, FOUR_MEAN = "2 executions, geometric mean", "4 executions, geometric mean"
+TWO_MEAN, FOUR_MEAN = "2 executions, geometric mean of all", "4 executions, geometric mean of all"
 THESIS = ("intersection", "random")  # its own method; the learning correction is on by default
-BEST = ("geometric", "all")  # docs/adr/0006
+POOLED = ("geometric", "all")  # docs/adr/0006
 CURVES: dict[str, tuple[int, tuple[str, str]]] = {
     ALONE: (1, THESIS),
-    FOUR_MEAN: (4, BEST),
+    FOUR_MEAN: (4, POOLED),
     FOUR: (4, THESIS),
     TWO: (2, THESIS),
-    TWO_MEAN: (2, BEST),
+    TWO_MEAN: (2, POOLED),
 }
 
 

@@ -133,7 +133,7 @@ def test_the_settings_of_advice_show_what_the_method_asks(page, agent, complaint
         script = "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('change', {bubbles: true}))"
         page.execute_script(script, method, name)
 
-    always = {"advisors", "advice_form", "rho"}
+    always = {"advisors", "peers_advise", "advisor", "advisor_save", "advice_form", "rho"}
     wait_for(page, lambda: shown_settings(page) == always | {"last_word", "learning_correction"})
     for name, asked in [
         ("reuse", always | {"psi", "learning_correction"}),

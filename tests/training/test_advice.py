@@ -66,6 +66,7 @@ AGENTS |= {
     for algorithm, actions, settings in [
         ("TRPO", DISCRETE, {"advice_method": "intersection", "last_word": "advisor", "advisors": "all"}),
         ("TRPO", CONTINUOUS, {"advice_method": "reuse"}),
+        ("PPO", DISCRETE, {"advice_method": "geometric", "advisors": "several"}),
         ("PPO", DISCRETE, {"advice_method": "union", "advisors": "all"}),
         ("PPO", CONTINUOUS, {"advice_method": "intersection", "continuous_advice": "sampling"}),
         ("A2C", DISCRETE, {"advice_method": "reuse", "advice_form": "deterministic"}),
