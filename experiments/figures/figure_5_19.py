@@ -1,6 +1,6 @@
 """Figure 5.19, the platform's own: executions that advise each other, through the real server with real clients.
 
-Beside it the same teams in this process (experiments/lockstep), which are a hundred times cheaper.
+Beside it the same teams in this process (experiments/lockstep), which cost a tenth.
 """
 
 from typing import Any

@@ -67,6 +67,21 @@ class Teams:
             last_values = self._values()
             self.ppo.train(rollout, advantages(rollout, last_values, self._starts, self.rules.settings), self._rng)
 
+    def returns_alone(self, episodes: int) -> np.ndarray:
+        """What each learner earns by its own probabilities, without advice, (L, episodes); nothing is learned."""
+        env = gym.make(self.rules.environment, disable_env_checker=True)
+        return np.array([[self._alone(learner, env) for _ in range(episodes)] for learner in range(len(self.episodes))])
+
+    def _alone(self, learner: int, env: gym.Env) -> float:
+        layers = [(weight[learner], bias[learner]) for weight, bias in in_numpy(self.networks.actor)]
+        total, ended = 0.0, False
+        observation, _ = env.reset(seed=int(self._rng.randint(2**31 - 1)))
+        while not ended:
+            (action,) = self._draw(log_softmax_rows(run_in_numpy(layers, observation[None])))
+            observation, reward, terminated, truncated, _ = env.step(int(action))
+            total, ended = total + float(reward), terminated or truncated
+        return total
+
     def _rollout(self) -> Rollout:
         steps = [self._step(np.repeat(self._playing(), self.size)) for _ in range(self.rules.settings.n_steps)]
         return Rollout(*(np.stack(part) for part in zip(*steps, strict=True)))

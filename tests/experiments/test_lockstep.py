@@ -140,3 +140,16 @@ def test_a_team_learns() -> None:
     teams.play(80)
     returns = np.array([[value for _, value in log[:80]] for log in teams.episodes])
     assert returns[:, 60:].mean() > 1.3 * returns[:, :20].mean()
+    assert teams.returns_alone(2).shape == (2, 2)
+
+
+def test_alone_each_acts_by_its_own_policy() -> None:
+    teams = team(ALL)
+    with th.no_grad():
+        for weight, bias in teams.networks.actor[-1:]:
+            weight.zero_()
+            bias.copy_(th.tensor([50.0, 0.0]).expand_as(bias))
+            bias[0] = 0.0
+    returns = teams.returns_alone(20).mean(1)
+    assert (returns[1:] < 11).all(), "always to the same side"
+    assert returns[0] > 13, "at random"
