@@ -65,6 +65,8 @@ def execution_spec(agent: Agent, execution: Execution) -> dict[str, Any]:
         "save_interval": agent.save_interval,
         "saves_kept": settings.SAVES_KEPT,
         "sessions": places(agent),
+        "answer_within": float(agent.answer_within),
+        "unanswered_reward": agent.unanswered_reward,
         "reclaim_seconds": float(settings.RECLAIM_SECONDS),
         "seed": parameters.get("seed"),
         "advisor": advisor_spec(agent),

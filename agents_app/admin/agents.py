@@ -38,8 +38,17 @@ ADVICE = (
     "learning_correction",
 )
 ADVISED, INTERSECTED = "advice_method != 'none'", "advice_method == 'intersection'"
-EXECUTIONS = ("max_percent_cpu", "max_executions", "sessions_per_execution", "save_interval", "start_from")
+EXECUTIONS = (
+    "max_percent_cpu",
+    "max_executions",
+    "sessions_per_execution",
+    "answer_within",
+    "unanswered_reward",
+    "save_interval",
+    "start_from",
+)
 AT_RESTART = {"policy", "action_space", "observation_space", "action_masks", *ADVICE, "start_from"}
+AT_RESTART |= {"answer_within", "unanswered_reward"}
 
 
 def advice_fields(agent: Agent) -> dict[str, Any]:

@@ -91,6 +91,16 @@ class Agent(models.Model):
         validators=[MinValueValidator(1)],
         help_text="1: each client trains its own execution. More: slow clients (people) share a few executions.",
     )
+    answer_within = models.PositiveIntegerField(
+        "seconds to answer an action",
+        default=0,
+        help_text="A client that is silent for so long has its episode ended by the agent. 0: it may take its time.",
+    )
+    unanswered_reward = models.FloatField(
+        "reward of an action that is not answered",
+        default=0.0,
+        help_text="What the agent learns from then, as the end of the episode. The learning curve does not count it.",
+    )
     advice_method = models.CharField(
         max_length=20,
         choices=AdviceMethod,

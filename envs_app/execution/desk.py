@@ -101,6 +101,21 @@ class Desk:
             track.segment.break_off()
             track.segment = self._new_segment()
 
+    def end_unanswered(self) -> None:
+        """End the episodes whose clients have been silent for too long, as the agent's owner says.
+
+        The learner gets the outcome that stands for no answer. The session keeps its state: an answer that comes after all ends
+        its episode for the curve.
+        """
+        spec, now = self.worker.spec, time.monotonic()
+        if not spec.answer_within or self.worker.direct:
+            return
+        for session, track in list(self.tracks.items()):
+            if session not in self.parked and now - track.used_at >= spec.answer_within:
+                if (last := track.segment.last) is not None:
+                    track.segment.end(spec.unanswered_reward, last.obs, terminated=True, truncated=False)
+                self._evict(session)
+
     def abandon(self) -> None:
         """The execution ends: answer what is parked, and let the learner have what is known of running episodes."""
         for waiting in self.parked.values():

@@ -59,6 +59,8 @@ class ExecutionSpec:
     saves_kept: int = 5
     sessions: int = 1  # that may be in the middle of an episode at once
     reclaim_seconds: float = 120.0
+    answer_within: float = 0.0  # seconds of silence that end an episode; 0: none do
+    unanswered_reward: float = 0.0  # of its last action
     seed: int | None = None
     advisor: FrozenSpec | None = None  # another agent
 

@@ -113,6 +113,7 @@ class Child:
             self.desk.abandon()
             raise LearnerFailed(self.worker.failure)
         if time.monotonic() - self.reported_at >= STATUS_SECONDS:
+            self.desk.end_unanswered()
             self._report_status()
 
     def _close(self) -> int:
