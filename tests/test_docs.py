@@ -56,7 +56,7 @@ def test_every_documented_setting_exists() -> None:
 def test_documented_defaults_are_the_real_ones() -> None:
     rows = dict(re.findall(r"^\| `([A-Z_]+)` \| (\d+) \|", text_of("docs/operations.md"), flags=re.MULTILINE))
     source = "".join(path.read_text() for path in [*(PROJECT / "shepherd").glob("*.py"), PROJECT / SERVE])
-    real = re.findall(r"""env\.(?:integer|boolean)\(["'](\w+)["'], ([\w *]+)""", source)
+    real = re.findall(r"""env\.(?:integer|boolean)\(["'](\w+)["'], (\d[\d_ *]*|True|False)[,)]""", source)
     assert rows == {name: str(int(eval(value))) for name, value in real}
 
 
