@@ -70,6 +70,8 @@ def entries_of(row: Row) -> Iterator[Entry]:
         if kind is not None and name not in LEFT_OUT:
             yield _entry(name, kind, parameter.default, plain.get(name) or docs.get(name, ""), replays)
     yield _entry("net_arch", ParameterType.STR, None, texts.NET_ARCH)
+    if row.normalises:
+        yield _entry("normalize_observations", ParameterType.BOOL, False, texts.NORMALIZE_OBSERVATIONS)
     if "action_noise" in signature:
         default = "normal 0.1" if row.name in ("TD3", "DDPG") else ""  # these two explore in no other way
         yield _entry("action_noise", ParameterType.STR, default, texts.ACTION_NOISE)

@@ -24,6 +24,10 @@ ALGORITHMS = {
 }
 
 NET_ARCH = "Sizes of the hidden layers, separated by commas, e.g. 64,64. Larger networks learn more, and more slowly."
+NORMALIZE_OBSERVATIONS = (
+    "Bring each number of an observation to mean 0 and deviation 1, as learned on the way. Turn it on when your numbers are "
+    "large, or far from zero; images and whole numbers are left alone."
+)
 ACTION_NOISE = (
     "Noise added to the actions to explore: 'normal 0.1' (independent at each step) or 'ou 0.1' (drifting), with the "
     "size of the noise; 'normal 0' is none."

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 SPACES = ("action_space", "observation_space")
 FIXED = ("policy", *SPACES)  # what the weights depend on
-FIXED_PARAMETERS = {"net_arch", "use_sde", "n_critics"}  # too
+FIXED_PARAMETERS = {"net_arch", "use_sde", "n_critics", "normalize_observations"}  # too
 HAS_LEARNED = "The agent has learned with another value: reset its learning first, or make a new agent."
 LINEAR = "LinearPolicy"
 NO_ADVICE = "none"

@@ -15,7 +15,7 @@ from stable_baselines3.common.save_util import load_from_zip_file, recursive_set
 from stable_baselines3.common.vec_env import VecEnv
 from torch.nn.utils import parameters_to_vector
 
-from agents_app.algorithms import advised_off_policy
+from agents_app.algorithms import advised_off_policy, normalising
 from agents_app.algorithms.advice import advised_space
 from agents_app.algorithms.advised import AdvisedPolicy
 from agents_app.algorithms.masks import masked_space
@@ -24,7 +24,13 @@ from agents_app.algorithms.registry import get_row
 from agents_app.algorithms.spec import AgentSpec
 
 ENDLESS = 2**62  # learning has no end; the schedules follow `horizon`
-OURS = ("horizon", "tape", "stock_policy", "mixing")  # attributes that stock Stable-Baselines3 does not know
+OURS = (
+    "horizon",
+    "tape",
+    "stock_policy",
+    "mixing",
+    "normaliser",
+)  # attributes that stock Stable-Baselines3 does not know
 
 
 class Paced:
@@ -71,13 +77,33 @@ def build(spec: AgentSpec, env: gym.Env | VecEnv, seed: int | None) -> Any:
     classes = _guided(stock, stock_policy) if guided else (stock, stock_policy)
     algorithm_class, policy = family.learner_classes(*classes)
     arguments, horizon = _arguments(spec)
-    paced: Any = type(stock.__name__, (Paced, algorithm_class), {"horizon": horizon})
+    normaliser = _normaliser(spec, bool(arguments.pop("normalize_observations", False)))
+    mixins = (Paced, *_normalising(stock)) if normaliser else (Paced,)
+    paced: Any = type(stock.__name__, (*mixins, algorithm_class), {"horizon": horizon})
     arguments["policy_kwargs"] = {**family.POLICY_KWARGS, **arguments.get("policy_kwargs", {})}
+    if normaliser:
+        arguments["policy_kwargs"] |= normalising.extractor_kwargs(normaliser)
     if is_advised(spec):
         arguments["policy_kwargs"]["mixing"] = spec.mixing()
     algorithm = paced(policy, env, device="cpu", verbose=0, seed=seed, **arguments)
     algorithm.stock_policy = stock_policy
+    if normaliser:
+        algorithm.normaliser = normaliser
     return algorithm
+
+
+def _normaliser(spec: AgentSpec, wanted: bool) -> normalising.Normaliser | None:
+    """What brings observations to one scale, if the agent wants it and its algorithm and observations allow it."""
+    space = spec.observations()
+    if not (wanted and get_row(spec.algorithm).normalises and normalising.can_normalise(space)):
+        return None
+    return normalising.Normaliser(int(np.prod(space.shape or ())))
+
+
+def _normalising(stock: type[Any]) -> tuple[type[Any]]:
+    """What an algorithm needs for its normaliser to learn."""
+    off_policy = issubclass(stock, OffPolicyAlgorithm)
+    return (normalising.NormalisesSteps if off_policy else normalising.NormalisesRollouts,)
 
 
 def _guided(algorithm: type[Any], policy: type[Any]) -> tuple[type[Any], type[Any]]:
@@ -132,7 +158,9 @@ def export(algorithm: Any, spec: AgentSpec, path: Path) -> None:
     state_dicts, variables = algorithm._get_torch_save_params()
     for name in (*algorithm._excluded_save_params(), *(name.split(".")[0] for name in state_dicts + variables)):
         data.pop(name, None)
-    policy_kwargs = {key: value for key, value in algorithm.policy_kwargs.items() if key != "mixing"}
+    normaliser, params = getattr(algorithm, "normaliser", None), algorithm.get_parameters()
+    ours = {"mixing", *(normalising.extractor_kwargs(normaliser) if normaliser else ())}
+    policy_kwargs = {key: value for key, value in algorithm.policy_kwargs.items() if key not in ours}
     data |= {"policy_class": algorithm.stock_policy, "policy_kwargs": policy_kwargs}
     data |= {"observation_space": spec.observations()}
     data |= {"_last_obs": None, "_last_original_obs": None, "_last_episode_starts": None}
@@ -140,12 +168,19 @@ def export(algorithm: Any, spec: AgentSpec, path: Path) -> None:
         if name in data:
             data[name] = None  # chosen anew for the observation space
     tensors = {name: _attribute(algorithm, name) for name in variables}
-    save_to_zip_file(path, data=data, params=algorithm.get_parameters(), pytorch_variables=tensors)
+    if normaliser:
+        params["policy"] = normalising.fold(normaliser, algorithm.policy, params["policy"])
+    save_to_zip_file(path, data=data, params=params, pytorch_variables=tensors)
+    if normaliser:
+        normalising.write_beside(path, algorithm)
 
 
 def restore(algorithm: Any, path: Path) -> None:
     """Take weights and optimisers from such a ZIP. Its pickled part is never read. Raises when the networks differ."""
-    _, params, variables = load_from_zip_file(path, device="cpu", load_data=False)
+    loaded: Any = load_from_zip_file(path, device="cpu", load_data=False)
+    _, params, variables = loaded
+    if hasattr(algorithm, "normaliser"):
+        normalising.read_beside(path, algorithm, params["policy"])
     algorithm.set_parameters(params, exact_match=True, device="cpu")
     for name, value in (variables or {}).items():
         if value is not None:

@@ -39,6 +39,11 @@ class Row:
         """Whether an agent can have some of n actions forbidden at a step."""
         return self.discrete and self.family in ("on_policy", "off_policy", "maskable")
 
+    @property
+    def normalises(self) -> bool:
+        """Whether its observations can be normalised. CrossQ does so itself; BDPI, ARS and RecurrentPPO have other networks."""
+        return self.family in ("on_policy", "maskable", "off_policy") and self.name not in ("CrossQ", "BDPI")
+
     def load(self) -> type[Any]:
         """The algorithm's own class."""
         module, name = self.path.split(":")

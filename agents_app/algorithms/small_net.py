@@ -16,6 +16,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
+from agents_app.algorithms.normalising import Normaliser, NormalisingExtractor
 from agents_app.algorithms.riders import PLAIN, plain_space
 
 ACTIVATIONS: dict[type[nn.Module], Callable[[np.ndarray], np.ndarray]] = {
@@ -35,12 +36,14 @@ class SmallNet:
     def __init__(self, policy: ActorCriticPolicy) -> None:
         """Raises Unsupported."""
         if (
-            type(policy.features_extractor) is not FlattenExtractor
+            type(policy.features_extractor) not in (FlattenExtractor, NormalisingExtractor)
             or policy.use_sde
             or not hasattr(policy, "action_net")
         ):
             raise Unsupported
         self._vector = _vectoriser(plain_space(policy.observation_space))
+        if isinstance(policy.features_extractor, NormalisingExtractor):
+            self._vector = _normalised(self._vector, policy.features_extractor.normaliser)
         if not isinstance(policy.action_space, spaces.Discrete | spaces.Box) or policy.squash_output:
             raise Unsupported
         extractor = policy.mlp_extractor
@@ -84,6 +87,11 @@ def _vectoriser(space: spaces.Space) -> Callable[[Any], np.ndarray]:
         if eye is not None:
             return lambda obs: eye[int(_plain(obs))]
     raise Unsupported
+
+
+def _normalised(vector: Callable[[Any], np.ndarray], normaliser: Normaliser) -> Callable[[Any], np.ndarray]:
+    mean, scale = normaliser.mean.numpy(), normaliser.scale.numpy()
+    return lambda obs: (vector(obs) - mean) * scale
 
 
 def _plain(obs: Any) -> Any:

@@ -13,7 +13,7 @@ from agents_app.models import Algorithm, Parameter, ParameterType
 from agents_app.models.catalogue import check_value
 
 pytestmark = pytest.mark.django_db
-OWN = {"net_arch", "action_noise", "total_timesteps"}
+OWN = {"net_arch", "normalize_observations", "action_noise", "total_timesteps"}
 
 
 def parameter(algorithm, name):

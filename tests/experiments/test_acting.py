@@ -17,19 +17,20 @@ from experiments.in_process import Advised, spec_of
 
 @pytest.mark.parametrize("algorithm", ["PPO", "PolicyGradient"])
 @pytest.mark.parametrize("environment", ["CartPole-v1", "Pendulum-v1"])
-@pytest.mark.parametrize("advised", [False, True])
+@pytest.mark.parametrize(("advised", "normalised"), [(False, False), (True, False), (True, True)])
 def test_the_record_is_what_the_learners_policy_says_after_updates_too(
-    algorithm: str, environment: str, advised: bool
+    algorithm: str, environment: str, advised: bool, normalised: bool
 ) -> None:
     env: gym.Env = gym.make(environment)
     fields = {"advice_method": "intersection"} if advised else {}
     if advised:
         env = Advised(env, uniform(env.action_space))
-    parameters: dict[str, Any] = {"n_steps": 64, "learning_rate": 1e-2}
+    parameters: dict[str, Any] = {"n_steps": 64, "learning_rate": 1e-2, "normalize_observations": normalised}
     learner = build(spec_of(env, algorithm, parameters, **fields), env, seed=3)
     act_in_numpy(learner)
     assert isinstance(learner.policy.tape, Acting)
     learner.learn(256)
+    assert not normalised or learner.normaliser.statistics["count"] >= 256
     check_record(learner)
 
 
