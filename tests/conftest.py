@@ -73,7 +73,7 @@ def _data_folder(request: pytest.FixtureRequest, tmp_path: Path) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark who needs a service, and begin with the files that start and kill servers and mostly wait.
 
-    So no worker ends alone with one of them.
+    So no worker ends alone with one of them. (pytest-xdist keeps this order only with --no-loadscope-reorder.)
     """
     for item in items:
         if SERVICES.intersection(getattr(item, "fixturenames", ())):

@@ -104,7 +104,7 @@ def test_secret_keys_step_from_anywhere(api, opened, step_key):
 
 def test_a_session_steps_only_from_the_pages_of_its_key(server: Server):
     made = json.loads(
-        server.manage(
+        server.make(
             *("create_agent", "--owner=web", "--name=pages", "--algorithm=PPO", "--action-space=2"),
             *("--observation-space=[[4], -10, 10]", f"--origin={PAGE}/"),
         )
