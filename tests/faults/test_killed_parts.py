@@ -86,7 +86,9 @@ def test_no_process_socket_or_place_is_left_over(own: Server, agent: Agent) -> N
     assert {execution["pid"] for execution in live} == set(own.execution_pids())
     assert not [execution for execution in live if execution["active_sessions"]]
     assert zombies(own) == []
-    expected = {"serve.json", "serve.lock", "parent.sock"} | {f"{execution['uid']}.sock" for execution in live}
+    expected = {"serve.json", "serve.lock", "parent.sock", "counters"} | {
+        f"{execution['uid']}.sock" for execution in live
+    }
     found = {path.name for path in (own.data / "run").iterdir() if not path.name.startswith("weights-")}
     assert found == expected
     wait_for(lambda: rows_without_end(own) == {execution["uid"].replace("-", "") for execution in live}, 40, "the rows")

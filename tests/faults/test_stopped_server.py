@@ -19,6 +19,7 @@ from tests.servers import Server, processes_of, running_server
 
 ORDERLY_SECONDS = 25
 ABRUPT_SECONDS = 45
+KEPT = {"serve.lock", "counters"}  # in run/; the counts of the throttles outlive a restart
 
 
 @pytest.fixture
@@ -67,7 +68,7 @@ def end_in_order(server: Server, agent: str) -> None:
     assert server.stop() == 0
     assert time.monotonic() - before < ORDERLY_SECONDS
     assert processes_of(server.data) == []
-    assert left_in_run(server.data) == {"serve.lock"}
+    assert left_in_run(server.data) == KEPT
     executions = query(server, "SELECT uid, end_reason FROM agents_app_execution")
     assert {reason for _, reason in executions} == {"stop"}
     assert {uid.replace("-", "") for uid in learned(server, agent)} == {uid for uid, _ in executions}
@@ -82,7 +83,7 @@ def kill_all(server: Server) -> None:
     while left := processes_of(server.data):
         assert time.monotonic() < deadline, f"left over: {left}"
         time.sleep(0.1)
-    assert left_in_run(server.data) <= {"serve.lock", "serve.json"}
+    assert left_in_run(server.data) <= KEPT | {"serve.json"}
 
 
 def assert_sessions_are_the_same(server: Server, players: Players) -> None:
