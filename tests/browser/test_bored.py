@@ -94,6 +94,7 @@ def test_the_first_visit_is_light_and_a_place_is_loved(visitor, city, owners_key
     visitor.sees("#snack", f"{name} is a favorite")
     assert visitor.sees("#favourites-button .count") == "1"
     assert visitor.asks_for_a_place() != name
+    assert not visitor.has("#snack .snack"), "whoever goes on cannot take it back"
     wait_for(lambda: len(answers(city, owners_key)) == before + 1)
     assert answers(city, owners_key)[-1] == 1
 

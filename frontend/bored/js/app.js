@@ -88,6 +88,7 @@ export class App {
   /** Ask for the next place and show it. */
   async next() {
     if (this.#asking) return;
+    if (this.visitor.current?.verdict === "loved") this.snack.hide(); // going on means that it is meant
     if (location.hash) history.pushState(null, "", location.pathname + location.search);
     this.#asking = this.visitor.next();
     this.#put(waiting(this));
