@@ -1,0 +1,55 @@
+"""The study of Bored in the city: its visitors, and who suggests places to them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.bored import curves
+from experiments.bored.city import City
+from experiments.bored.players import Chance, MostPopular, Oracle, Player, linucb
+
+SMALL: dict[str, Any] = {"learning_starts": 10, "batch_size": 8, "buffer_size": 500, "gamma": 0.0, "net_arch": "8"}
+
+
+def played(player: Any, visitors: int = 3, seed: int = 1) -> tuple[City, list[tuple[Any, int]]]:
+    """A small city, and what was suggested in it."""
+    city, made = City(visitors, 1.0, seed), []
+    suggests: Player = player(len(city.places), seed)
+    for moment in city.moments:
+        suggestion = city.suggestion(moment)
+        place = suggests.suggest(suggestion)
+        suggests.hear(suggestion, place, city.answer(suggestion, place))
+        made.append((suggestion, place))
+    suggests.close()
+    return city, made
+
+
+@pytest.mark.parametrize("player", [Chance, MostPopular, Oracle, linucb])
+def test_everybody_suggests_what_is_allowed(player: Any) -> None:
+    city, made = played(player)
+    assert all(suggestion.allowed[place] for suggestion, place in made)
+    assert city.loved().shape == (3, 30)
+
+
+def test_an_execution_suggests_what_is_allowed_and_learns_from_every_answer() -> None:
+    for executions, advice in ((1, "none"), (2, "intersection")):
+        agent = curves.shepherd("DQN", SMALL, executions, advice_method=advice)
+        _, made = played(agent, visitors=4)
+        assert all(suggestion.allowed[place] for suggestion, place in made)
+
+
+def test_a_city_is_the_same_whoever_suggests() -> None:
+    one, other = City(5, 2.0, 7), City(5, 2.0, 7)
+    assert one.moments == other.moments
+    assert np.array_equal(one.suggestion(one.moments[0]).chances, other.suggestion(other.moments[0]).chances)
+    assert not np.array_equal(one.visitors[0].kinds, City(5, 2.0, 8).visitors[0].kinds)
+
+
+def test_who_knows_all_tastes_does_better_than_chance() -> None:
+    knowing, guessing = (
+        np.mean([played(player, 8, seed)[0].loved() for seed in (1, 2)]) for player in (Oracle, Chance)
+    )
+    assert knowing > guessing + 0.1
