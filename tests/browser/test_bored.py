@@ -42,7 +42,13 @@ def owners_key(city: Server) -> str:
     """The owner's key of the agent, which the page finds by its name."""
     spaces = ("--action-space=179", "--observation-space=[[29], -1, 1]", "--set=sessions_per_execution=100")
     made = city.manage(
-        "create_agent", "--owner=bored", "--name=Bored in the city", "--algorithm=MaskablePPO", "--publishable", *spaces
+        "create_agent",
+        "--owner=bored",
+        "--name=Bored in the city",
+        "--algorithm=PPO",
+        "--set=action_masks=true",
+        "--publishable",
+        *spaces,
     )
     return json.loads(made)["api_key"]
 
