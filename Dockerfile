@@ -1,4 +1,4 @@
-# Shepherd on one machine: web processes and executions in one container, by `manage.py serve`.
+# Shepherd: `manage.py serve` is the whole of it in one container (docker-compose.embedded.yml), or its web (docker-compose.yml).
 FROM python:3.11-slim
 
 WORKDIR /shepherd
@@ -16,7 +16,7 @@ COPY agents_app agents_app
 COPY envs_app envs_app
 COPY frontend frontend
 
-RUN useradd --uid 10001 --create-home shepherd && install -d -o shepherd -g shepherd /data
+RUN useradd --uid 10001 --create-home shepherd && install -d -o shepherd -g shepherd /data /data/saves
 USER shepherd
 VOLUME /data
 EXPOSE 8000

@@ -16,7 +16,7 @@ WORKERS ?= $(shell echo $$(( $$(nproc) + 1 )))# one more than cores: tests that 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run demo test bench experiments screenshots lint audit format clean
+.PHONY: help setup run scaled demo test bench experiments screenshots lint audit format clean
 
 help:  ## List the commands
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /make \1\t/' | expand -t 20
@@ -25,6 +25,11 @@ setup: $(VENV)/.dev  ## Make .venv with everything that tests and lint need
 
 run: $(VENV)/.runtime  ## Serve on this machine until Ctrl-C; the first time with something to look at
 	@$(BIN)/python manage.py serve --demo-data
+
+scaled: export DATABASE_URL ?= postgres://postgres@127.0.0.1:5432/shepherd
+scaled: export REDIS_URL ?= redis://127.0.0.1:6379/0
+scaled: $(VENV)/.runtime  ## Serve with two web processes, two Celery workers and beat, on PostgreSQL and Redis
+	@$(BIN)/python manage.py scaled
 
 demo: $(VENV)/.runtime  ## Serve, train an agent on Cart Pole with a real client, and go on serving
 	@$(BIN)/python manage.py demo

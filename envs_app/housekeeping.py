@@ -40,6 +40,7 @@ class Keeper:
         """One round. Raises ConnectionError when nobody can be asked, DatabaseError; the next round makes up for it."""
         with self.lock:
             transport = get_transport()
+            transport.sweep()
             live = transport.status()  # before the events: whatever ended since then has told why
             while events := transport.events(self.read):
                 self._write(events)

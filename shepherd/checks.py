@@ -7,6 +7,7 @@ from typing import Any
 
 from django.conf import settings
 from django.core.checks import CheckMessage, Error, Warning, register
+from django.db import connection
 
 
 @register()
@@ -21,6 +22,20 @@ def check_times(**_: Any) -> list[CheckMessage]:
         text = "Executions are ended as idle before another session may take them over."
         hint = "Set SHEPHERD_IDLE_SECONDS to SHEPHERD_RECLAIM_SECONDS or more."
         found.append(Warning(text, hint=hint, id="shepherd.W001"))
+    return found
+
+
+@register()
+def check_scale(**_: Any) -> list[CheckMessage]:
+    """What machines share is where all of them reach it."""
+    found: list[CheckMessage] = []
+    redis, sqlite = settings.TRANSPORT == "redis", connection.vendor == "sqlite"
+    if redis and not settings.REDIS_URL:
+        hint = "Set REDIS_URL, or leave SHEPHERD_TRANSPORT away."
+        found.append(Error("SHEPHERD_TRANSPORT is redis, and there is no Redis.", hint=hint, id="shepherd.E002"))
+    if redis and sqlite:
+        text = "Executions run on any machine, but the database is a file of this one."
+        found.append(Warning(text, hint="Set DATABASE_URL to a PostgreSQL.", id="shepherd.W003"))
     return found
 
 

@@ -17,6 +17,16 @@ def text(name: str, default: str = "") -> str:
     return os.environ.get(name, default)
 
 
+def confidential(name: str) -> str:
+    """The variable, or what the file holds that NAME_FILE names; empty: neither. Raises ImproperlyConfigured."""
+    if not (path := os.environ.get(f"{name}_FILE")):
+        return os.environ.get(name, "")
+    try:
+        return Path(path).read_text().strip()
+    except OSError as error:
+        raise ImproperlyConfigured(f"{name}_FILE is {path}, which cannot be read ({error.strerror}).") from None
+
+
 def boolean(name: str, default: bool) -> bool:
     """The variable as a truth value. Raises ImproperlyConfigured if it is none."""
     value = os.environ.get(name)
@@ -62,7 +72,7 @@ def choice(name: str, choices: list[str]) -> str:
 def database(name: str, default: str) -> dict[str, Any]:
     """The variable as Django's settings of a database. Raises ImproperlyConfigured if it is no address of one."""
     try:
-        settings = dj_database_url.parse(os.environ.get(name) or default, conn_max_age=600, conn_health_checks=True)
+        settings = dj_database_url.parse(confidential(name) or default, conn_max_age=600, conn_health_checks=True)
     except ValueError:
         raise ImproperlyConfigured(
             f"{name} cannot be read: write it like postgres://user:password@host/name."
@@ -77,7 +87,7 @@ def pool(size: int) -> dict[str, Any]:
 
 def redis(name: str) -> str:
     """The variable as the address of a Redis server; empty: there is none. Raises ImproperlyConfigured if it is no address."""
-    value = os.environ.get(name, "")
+    value = confidential(name)
     if value and urlsplit(value).scheme not in ("redis", "rediss", "unix"):
         raise ImproperlyConfigured(f"{name} cannot be read: write it like redis://:password@host:6379/0.")
     return value
@@ -94,7 +104,7 @@ def cache(redis_url: str) -> dict[str, Any]:
 
 def secret(name: str, folder: Path) -> str:
     """The variable, or a secret made once and kept in a file that only this user can read."""
-    if value := os.environ.get(name):
+    if value := confidential(name):
         return value
     path = folder / name.lower()
     try:

@@ -125,9 +125,10 @@ if BEHIND_TLS:
 
 # What meets the executions: dotted names, so that no layer imports the one above it.
 SHEPHERD_FLEET = "envs_app.fleet.TransportFleet"
-TRANSPORT = env.choice("SHEPHERD_TRANSPORT", ["local"])  # one of envs_app.transports.TRANSPORTS
+TRANSPORT = env.choice("SHEPHERD_TRANSPORT", ["redis", "local"] if REDIS_URL else ["local", "redis"])
 
 MAX_EXECUTIONS = env.integer("SHEPHERD_MAX_EXECUTIONS", 500, 1)  # on this machine, all agents together
+SLOTS = env.integer("SHEPHERD_SLOTS", 32, 1)  # executions of a Celery worker
 IDLE_SECONDS = env.integer("SHEPHERD_IDLE_SECONDS", 30 * 60, 1)  # an execution without steps is saved and ended
 RECLAIM_SECONDS = env.integer("SHEPHERD_RECLAIM_SECONDS", 120, 1)  # a silent session may lose its execution to another
 SESSION_DAYS = env.integer("SHEPHERD_SESSION_DAYS", 30, 1)  # a session without steps is closed

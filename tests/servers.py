@@ -213,7 +213,7 @@ def wait_for(condition: Any, seconds: float = 90, what: str = "") -> Any:
 def _environment(data: Path) -> dict[str, str]:
     """This environment without settings of a developer's own server. SPT_NOENV keeps /proc/*/environ readable."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("SHEPHERD_", "DJANGO_"))}
-    for name in ("DATABASE_URL", "HOST"):
+    for name in ("DATABASE_URL", "REDIS_URL", "HOST"):
         kept.pop(name, None)
     return kept | {"SHEPHERD_DATA": str(data), "PORT": "0", "SPT_NOENV": "1", "PYTHONUNBUFFERED": "1"}
 

@@ -34,6 +34,18 @@ ARROWS: list[tuple[str, str, tuple[str, ...]]] = [
     ("messages have no Django", "envs_app/messages.py", (*DJANGO, *HEAVY, "agents_app.models", "shepherd")),
     ("observations have no Django", "envs_app/observations.py", (*DJANGO, *HEAVY, "agents_app.models", "shepherd")),
     ("the parent has no Django", "envs_app/transports/local/parent.py", (*DJANGO, "agents_app.models", "shepherd")),
+    ("loops have no Django", "envs_app/transports/loop.py", (*DJANGO, "agents_app.models", "shepherd")),
+    (
+        "populations have no Django",
+        "envs_app/transports/population.py",
+        (*DJANGO, *HEAVY, "agents_app.models", "shepherd"),
+    ),
+    (
+        "executions over Redis have no Django",
+        "envs_app/transports/redis/child.py",
+        (*DJANGO, "agents_app.models", "shepherd"),
+    ),
+    ("the Redis client has no torch", "envs_app/transports/redis/client.py", HEAVY),
     ("its children have no Django", "envs_app/transports/local/child.py", (*DJANGO, "agents_app.models", "shepherd")),
     ("agents do not know environments", "agents_app/**/*.py", ("envs_app",)),
     ("views go through sessions", "envs_app/views/**/*.py", ("envs_app.transports", "envs_app.execution")),

@@ -177,7 +177,9 @@ class Desk:
         same_number = message["seq"] is not None and message["seq"] == waiting.seq
         if message["request"] != waiting.message["request"] and not same_number:
             raise errors.StepPending
-        self._answer(waiting.to, refusal("step_pending", "The same step was sent again; wait for its answer.", None))
+        if to != waiting.to:
+            text = "The same step was sent again; wait for its answer."
+            self._answer(waiting.to, refusal("step_pending", text, None))
         waiting.to = to
 
     def _next_number(self, message: Message, state: SessionState) -> int:

@@ -95,8 +95,9 @@ class Worker:
         publish: Callable[[np.ndarray], None],
         wake: Callable[[], None],
         report: Callable[[dict[str, Any]], None],
+        store: SaveStore | None = None,
     ) -> None:
-        """`publish`, `wake` and `report` are called from the learner's thread."""
+        """`publish`, `wake` and `report` are called from the learner's thread. `store`: elsewhere than `spec.saves`."""
         self.spec, self.counters = spec, Counters()
         self.learning = spec.learning
         self.client_space = parse_space(spec.agent.observation_space)
@@ -110,7 +111,7 @@ class Worker:
         self.direct = isinstance(self.feed, LiveFeed)
         self.masked = builder.is_masked(spec.agent)
         self.algorithm = builder.build(spec.agent, self._environment(), seed)
-        self.store = SaveStore(Path(spec.saves))
+        self.store = store or SaveStore(Path(spec.saves))
         self._restore()
         self.actor = family.make_actor(self.algorithm)
         self.allowed_lead = family.allowed_lead(self.algorithm)

@@ -58,12 +58,20 @@ class Supervisor:
         self.host, self.port = self.listener.getsockname()[:2]
         self.logs = Logs(options.logs)
         self.web_grace = options.step_timeout + 2
-        self.executions = self._child("executions", "envs_app.transports.local.parent")
-        self.web = self._child("web", "envs_app.serving.web", *self._web_arguments(), fds=[self.listener.fileno()])
-        self.children = [self.executions, self.web]
+        self.executions, self.web = self._make_executions(), self._make_web()
+        self.children = [*self.executions, *self.web]
         self.housekeeper = Housekeeper()
         self.rotated = time.monotonic()
         self.ready = self.forced = False
+
+    def _make_executions(self) -> list[Child]:
+        return [self._child("executions", "envs_app.transports.local.parent")]
+
+    def _make_web(self) -> list[Child]:
+        return [self._web_child("web")]
+
+    def _web_child(self, name: str) -> Child:
+        return self._child(name, "envs_app.serving.web", *self._web_arguments(), fds=[self.listener.fileno()])
 
     def _child(self, name: str, module: str, *arguments: str, fds: list[int] | None = None) -> Child:
         return Child(name, module, arguments, [self.lock, *(fds or [])], self.logs.open(name))
@@ -89,11 +97,19 @@ class Supervisor:
         """
         signals = Signals()
         try:
-            self._start(self.executions)
+            self._before()
             prepared = prepare()
             self._serve(signals, lambda: on_ready(prepared))
         finally:
             self._stop(signals)
+
+    def _before(self) -> None:
+        """What may start before the database is ready."""
+        for child in self.executions:
+            self._start(child)
+
+    def _keep_house(self) -> None:
+        self.housekeeper.start()
 
     def _serve(self, signals: Signals, on_ready: Callable[[], None]) -> None:
         while True:
@@ -102,7 +118,7 @@ class Supervisor:
                 self.ready = True
                 self._write_state()
                 on_ready()
-                self.housekeeper.start()
+                self._keep_house()
             if signals.wait(TICK):
                 return
 
@@ -131,9 +147,9 @@ class Supervisor:
 
     def _is_ready(self) -> bool:
         """Whether the executions' parent and a web process answer."""
-        return self._parent_listens() and self._web_answers()
+        return self._executions_listen() and self._web_answers()
 
-    def _parent_listens(self) -> bool:
+    def _executions_listen(self) -> bool:
         try:
             unix.connect(self.places.parent, timeout=1).close()
         except OSError:
@@ -168,12 +184,14 @@ class Supervisor:
         self.housekeeper.stop(timeout=10)
         (self.run_folder / "serve.json").unlink(missing_ok=True)
 
-    def _end(self, child: Child, grace: float, signals: Signals) -> None:
-        """End one child: in order, or at once when time is up. A second signal ends all at once."""
-        child.terminate()
+    def _end(self, children: list[Child], grace: float, signals: Signals) -> None:
+        """End children: in order, or at once when time is up. A second signal ends all at once."""
+        for child in children:
+            child.terminate()
         deadline = time.monotonic() + grace
-        while not self.forced and not child.is_gone() and time.monotonic() < deadline:
+        while not self.forced and not all(child.is_gone() for child in children) and time.monotonic() < deadline:
             if signals.wait(TICK):
                 self.forced = True
                 self.say("ending at once")
-        child.kill()
+        for child in children:
+            child.kill()

@@ -77,3 +77,6 @@ class Transport(ABC):
     @abstractmethod
     def events(self, after: int) -> list[dict[str, Any]]:
         """What happened since event `after`, oldest first: ended, error, saved. Earlier ones are forgotten."""
+
+    def sweep(self) -> None:  # noqa: B027 - where a parent watches over its children, it does this itself
+        """Note which executions are dead without a word. Part of the housekeeping."""

@@ -9,7 +9,10 @@ from django.utils.module_loading import import_string
 
 from envs_app.transports.base import Transport
 
-TRANSPORTS = {"local": "envs_app.transports.local.client.LocalTransport"}
+TRANSPORTS = {
+    "local": "envs_app.transports.local.client.LocalTransport",
+    "redis": "envs_app.transports.redis.client.RedisTransport",
+}
 
 
 @cache

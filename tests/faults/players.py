@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from typing import Any
 
+import psycopg
 from shepherd_client import Client, Session, TransientError
 
 from agents_app.models import hash_key
@@ -145,6 +146,9 @@ def playing(server: Server, key: str, clients: int = CLIENTS) -> Iterator[Player
 
 def query(server: Server, sql: str, *parameters: Any) -> list[tuple[Any, ...]]:
     """Rows of the server's database."""
+    if url := server.environment.get("DATABASE_URL"):
+        with psycopg.connect(url, connect_timeout=30) as remote:
+            return remote.execute(sql.replace("?", "%s"), parameters).fetchall()
     address = f"file:{server.data / 'shepherd.sqlite3'}?mode=ro"
     with closing(sqlite3.connect(address, uri=True, timeout=30)) as database:
         return database.execute(sql, parameters).fetchall()

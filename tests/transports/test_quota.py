@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from envs_app.transports.local.quota import BURST_SECONDS, Bucket
+from envs_app.transports.quota import BURST_SECONDS, Bucket
 
 TICK = 0.5  # of the parent: it measures, and tells the executions how long they must pause from now on
 MOMENT = 0.01

@@ -13,6 +13,7 @@ from django.core.management.base import BaseCommand, CommandError
 
 from envs_app.serving import preflight
 from envs_app.serving.manage import prepare
+from envs_app.serving.scaled import Scale, ScaledSupervisor
 from envs_app.serving.supervisor import Options, Supervisor
 from shepherd import env
 
@@ -21,6 +22,8 @@ class Command(BaseCommand):
     """Prepares the data folder, then runs the supervisor until SIGTERM or Ctrl-C."""
 
     help = "Serve the web pages, the API and the executions on this machine, until Ctrl-C."
+
+    scale = Scale()
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         """The address, and whether to make something to look at."""
@@ -43,13 +46,23 @@ class Command(BaseCommand):
         os.umask(0o077)  # what was learned, and who may log in, is for this user only
         preflight.check_disk(settings.DATA_DIR, settings.MIN_FREE_MB)
         preflight.raise_file_limit()
-        supervisor = Supervisor(_options(host, port), self._say)
+        supervisor = self._supervisor(_options(host, port))
         _log_to(settings.LOG_DIR)
         settings.STATIC_ROOT.mkdir(parents=True, exist_ok=True)
         supervisor.run(
             lambda: prepare(demo_data, if_new=True), lambda credentials: self._announce(supervisor.url, credentials)
         )
         self._say("Shepherd has ended.")
+
+    def _supervisor(self, options: Options) -> Supervisor:
+        """Where executions come through Redis, they run elsewhere."""
+        if settings.TRANSPORT == "local":
+            return Supervisor(options, self._say)
+        from envs_app.transports.redis.machines import Room
+        from envs_app.transports.redis.wire import Wire
+
+        room = Room(Wire(settings.REDIS_URL))
+        return ScaledSupervisor(options, self._say, self.scale, lambda: len(room.machines()))
 
     def _announce(self, url: str, credentials: dict[str, Any]) -> None:
         self._say(f"Shepherd is ready: {url}")

@@ -36,12 +36,8 @@ class LocalTransport(Transport):
 
     def launch(self, claim: Claim, spec: dict[str, Any], max_percent_cpu: int, exclude: Iterable[str] = ()) -> Address:
         """Have the parent fork."""
-        spec = {**spec, "saves": str(self.places.saves(claim.agent, claim.run))}
-        spec["turns"] = str(self.places.run)
-        if advisor := spec.get("advisor"):
-            spec["advisor"] = {**advisor, "saves": str(self.places.saves(*advisor["saves"]))}
-        message = {"k": "launch", "claim": asdict(claim), "spec": spec, "max_percent_cpu": max_percent_cpu}
-        return self._address(self._ask({**message, "exclude": list(exclude)}))
+        what = {"claim": asdict(claim), "spec": self.places.locate(spec), "max_percent_cpu": max_percent_cpu}
+        return self._address(self._ask({"k": "launch", "exclude": list(exclude), **what}))
 
     def call(self, address: Address, message: Message, timeout: float) -> Message:
         """One frame there, one back, on a connection of its own."""

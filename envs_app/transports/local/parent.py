@@ -7,7 +7,6 @@ to it through one Unix socket, executions through a socket pair each. DESIGN.md 
 from __future__ import annotations
 
 import contextlib
-import gc
 import logging
 import os
 import selectors
@@ -21,10 +20,13 @@ from typing import Any
 from envs_app.errors import NoCapacity, ShepherdError
 from envs_app.execution.desk import refusal
 from envs_app.messages import FrameReader, Message, pack
-from envs_app.transports.local import measure, unix
-from envs_app.transports.local.fleet_state import Execution, Population
+from envs_app.transports.local import unix
+from envs_app.transports.local.fleet_state import LocalExecution
 from envs_app.transports.local.places import Places
-from envs_app.transports.local.quota import Bucket
+from envs_app.transports.measure import Meter
+from envs_app.transports.population import Population, why_killed
+from envs_app.transports.quota import Bucket
+from envs_app.transports.warmth import warm_up
 
 TICK_SECONDS = 0.5
 STOP_SECONDS = 15.0  # then an execution is killed
@@ -42,13 +44,14 @@ class Parent:
 
     def __init__(self, places: Places, most: int, idle_seconds: float) -> None:
         self.places, self.idle_seconds = places, idle_seconds
-        self.population = Population(most)
+        self.population: Population[LocalExecution] = Population(most)
+        self.buckets: dict[str, Bucket] = {}  # by agent
         self.selector = selectors.DefaultSelector()
         self.events: deque[dict[str, Any]] = deque(maxlen=EVENTS_KEPT)
         self.event_number = time.time_ns() // 1000  # grows across restarts of the parent
         self.stopping = False
         self.ticked_at = time.monotonic()
-        self.by_pid: dict[int, Execution] = {}
+        self.by_pid: dict[int, LocalExecution] = {}
 
     def run(self) -> None:
         """Serve until SIGTERM, then save and end all executions."""
@@ -121,14 +124,14 @@ class Parent:
         self._event(execution, k="ended", reason=reason or "stop", code=code)
         self._announce_peers(execution.run)
 
-    def _note_death(self, execution: Execution, code: int) -> None:
+    def _note_death(self, execution: LocalExecution, code: int) -> None:
         """One that was killed when it was ready is replaced at once; those that fail by themselves make their agent wait."""
         if code == 0 or execution.stop_reason:
             return
         if code != -signal.SIGKILL or execution.state == "starting":
             self.population.note_failure(execution.agent)
         if code < 0:
-            summary = f"the execution was ended by {signal.Signals(-code).name}; if nobody did, memory was short"
+            summary = why_killed(code)
             if time.monotonic() - execution.heard_at > SILENT_SECONDS:
                 summary = f"the execution hung: it said nothing for {SILENT_SECONDS:g} s, and was killed"
             self._event(execution, k="error", summary=summary, traceback="", fatal=True)
@@ -177,7 +180,7 @@ class Parent:
         execution = self.population.find(message["claim"], message["exclude"])
         if execution is None:
             return {"k": "launch"}
-        execution.gives(message["claim"]["session"])
+        execution.gives(message["claim"]["session"], time.monotonic())
         return {"k": "execution", "uid": execution.uid}
 
     def _do_launch(self, message: Message) -> Message:
@@ -185,9 +188,9 @@ class Parent:
         claim, spec = message["claim"], message["spec"]
         execution = self.population.find(claim, message["exclude"])  # another thread may have launched one meanwhile
         if execution is None:
-            self.population.buckets.setdefault(claim["agent"], Bucket(message["max_percent_cpu"]))
+            self.buckets.setdefault(claim["agent"], Bucket(message["max_percent_cpu"]))
             execution = self._fork(spec)
-        execution.gives(claim["session"])
+        execution.gives(claim["session"], time.monotonic())
         return {"k": "execution", "uid": execution.uid}
 
     def _do_forget(self, message: Message) -> Message:
@@ -200,15 +203,14 @@ class Parent:
         return {"k": "ok"}
 
     def _do_status(self, message: Message) -> Message:
-        chosen = self.population.by_uid.values()
-        if message["agent"] is not None:
-            chosen = self.population.of_agent(message["agent"])  # type: ignore[assignment]
-        return {"k": "status", "executions": [measure.status_of(execution, self.population) for execution in chosen]}
+        agent, population = message["agent"], self.population
+        chosen = population.by_uid.values() if agent is None else population.of_agent(agent)
+        return {"k": "status", "executions": [population.describe(e, e.meter.figures()) for e in chosen]}
 
     def _do_configure(self, message: Message) -> Message:
         settings = message["settings"]
         if percent := settings.get("max_percent_cpu"):
-            self.population.buckets[message["agent"]] = Bucket(percent)
+            self.buckets[message["agent"]] = Bucket(percent)
         for execution in self.population.of_agent(message["agent"]):
             execution.tell({"k": "configure", **settings})
         return {"k": "ok"}
@@ -237,7 +239,7 @@ class Parent:
             raise NoCapacity("The server is stopping; repeat the step.", 1.0)
 
     # --- executions ---
-    def _fork(self, spec: Message) -> Execution:
+    def _fork(self, spec: Message) -> LocalExecution:
         listener = unix.listen(self.places.execution(spec["uid"]))
         ours, theirs = socket.socketpair()
         pid = os.fork()
@@ -246,12 +248,12 @@ class Parent:
             self._become_child(spec, listener, theirs)
         listener.close()
         theirs.close()
-        execution = Execution(
+        execution = LocalExecution(
             uid=spec["uid"],
             number=spec["number"],
             run=spec["run"],
             agent=spec["agent_id"],
-            pid=pid,
+            meter=Meter(pid),
             control=ours,
             sessions_allowed=spec["sessions"],
             reclaim_seconds=spec["reclaim_seconds"],
@@ -280,7 +282,7 @@ class Parent:
             logging.shutdown()
             os._exit(code)
 
-    def _hear_execution(self, execution: Execution) -> None:
+    def _hear_execution(self, execution: LocalExecution) -> None:
         try:
             data = execution.control.recv(2**18)
             messages = execution.frames.feed(data)
@@ -292,7 +294,7 @@ class Parent:
         execution.heard_at = time.monotonic()
         self._hear_all(execution, messages)
 
-    def _hear_all(self, execution: Execution, messages: list[Message]) -> None:
+    def _hear_all(self, execution: LocalExecution, messages: list[Message]) -> None:
         for message in messages:
             match message["k"]:
                 case "ready":
@@ -324,13 +326,13 @@ class Parent:
         for execution in mates:
             execution.tell({"k": "peers", "versions": versions, "returns": returns})
 
-    def _stop(self, execution: Execution, reason: str) -> None:
+    def _stop(self, execution: LocalExecution, reason: str) -> None:
         if execution.state != "stopping":
             execution.state, execution.stop_reason = "stopping", reason
             execution.stopping_since = time.monotonic()
             execution.tell({"k": "stop", "reason": reason})
 
-    def _event(self, execution: Execution, **what: Any) -> None:
+    def _event(self, execution: LocalExecution, **what: Any) -> None:
         self.event_number = max(self.event_number + 1, time.time_ns() // 1000)
         where = {"uid": execution.uid, "agent": execution.agent, "run": execution.run, "at": time.time()}
         self.events.append({"id": self.event_number, **where, **what})
@@ -346,15 +348,16 @@ class Parent:
         used: dict[str, float] = {}
         for execution in list(self.population.by_uid.values()):
             execution.flush()
-            used[execution.agent] = used.get(execution.agent, 0.0) + measure.update(execution, elapsed)
+            seconds = execution.meter.update(execution.status.get("steps", 0), elapsed)
+            used[execution.agent] = used.get(execution.agent, 0.0) + seconds
             self._end_if_due(execution, now)
         for agent, seconds in used.items():
-            pause = self.population.buckets[agent].use(seconds, elapsed)
+            pause = self.buckets[agent].use(seconds, elapsed)
             if pause > 0:
                 for execution in self.population.of_agent(agent):
                     execution.tell({"k": "throttle", "seconds": pause})
 
-    def _end_if_due(self, execution: Execution, now: float) -> None:
+    def _end_if_due(self, execution: LocalExecution, now: float) -> None:
         if execution.state == "stopping":
             if now - execution.stopping_since > STOP_SECONDS:
                 os.kill(execution.pid, signal.SIGKILL)
@@ -365,28 +368,6 @@ class Parent:
             self._stop(execution, "idle")
 
 
-def warm_up() -> None:
-    """Import what executions need, train one small model of each kind, and freeze the garbage collector's view of it."""
-    import torch as th
-
-    th.set_num_threads(1)
-    import gymnasium as gym
-    import sb3_contrib  # noqa: F401
-    import stable_baselines3 as sb3
-
-    import envs_app.execution.worker
-    import envs_app.transports.local.child  # noqa: F401
-    from agents_app.algorithms import eager
-
-    eager.sleep()
-
-    for algorithm, environment in ((sb3.PPO, "CartPole-v1"), (sb3.DQN, "CartPole-v1")):
-        sizes: dict[str, Any] = {"n_steps": 16, "batch_size": 16} if algorithm is sb3.PPO else {"learning_starts": 4}
-        algorithm("MlpPolicy", gym.make(environment), device="cpu", **sizes).learn(16)
-    gc.collect()
-    gc.freeze()
-
-
 def main() -> int:
     """Warm up and serve."""
     import warnings
@@ -395,6 +376,8 @@ def main() -> int:
     logging.basicConfig(level=os.environ.get("SHEPHERD_LOG_LEVEL", "INFO"), format="%(asctime)s %(name)s %(message)s")
     most = int(os.environ.get("SHEPHERD_MAX_EXECUTIONS") or 500)
     idle = float(os.environ.get("SHEPHERD_IDLE_SECONDS") or 1800)
+    import envs_app.transports.local.child  # noqa: F401
+
     warm_up()
     Parent(Places.from_environment(), most, idle).run()
     return 0

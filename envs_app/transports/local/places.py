@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -45,3 +46,10 @@ class Places:
     def saves(self, agent: str, run: int) -> Path:
         """The saves of a run."""
         return self.data / "saves" / agent / str(run)
+
+    def locate(self, spec: dict[str, Any]) -> dict[str, Any]:
+        """The specification of an execution (execution.worker.ExecutionSpec as a dictionary) with its places here."""
+        located = {**spec, "saves": str(self.saves(spec["agent_id"], spec["run"])), "turns": str(self.run)}
+        if advisor := spec.get("advisor"):
+            located["advisor"] = {**advisor, "saves": str(self.saves(*advisor["saves"]))}
+        return located
