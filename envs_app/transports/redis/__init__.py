@@ -1,1 +1,1 @@
-"""Steps through Redis: web processes and executions on any number of machines. docs/adr/0006 says why it is as it is."""
+"""Steps through Redis: web processes and executions on any number of machines. docs/adr/0009 says why it is as it is."""
