@@ -74,8 +74,9 @@ def _bound(value: Any, shape: tuple[int, ...], name: str) -> np.ndarray:
 def _dictionary(spec: dict[str, Any]) -> spaces.Dict:
     if not spec:
         raise ValueError("A dictionary of spaces needs at least one key.")
-    if "advice" in spec:
-        raise ValueError("The key 'advice' is Shepherd's own: choose another one.")
+    for key in ("advice", "action_mask"):  # they ride in observations (algorithms/riders.py)
+        if key in spec:
+            raise ValueError(f"The key {key!r} is Shepherd's own: choose another one.")
     if any(isinstance(sub, dict) for sub in spec.values()):
         raise ValueError("A dictionary within a dictionary is no space: give every sensor a key of its own.")
     return spaces.Dict({key: parse_space(sub) for key, sub in spec.items()})

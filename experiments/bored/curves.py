@@ -54,5 +54,6 @@ PLAYERS: dict[str, Callable[[int, int], Player]] = {
     "DQN, four, without": shepherd("DQN", DQN, 4),
     "PPO, one execution": shepherd("PPO", PPO, 1),
     "PPO, four, with advice": shepherd("PPO", PPO, 4, advice_method="geometric"),
+    "PPO, four, without": shepherd("PPO", PPO, 4),
     "oracle": Oracle,
 }

@@ -70,6 +70,7 @@ def test_what_fits_is_taken(algorithm, action_space, observation_space, policy):
         ([[8], float("nan"), 10], "must be finite"),
         ([[8], 10**400, 10], "large"),
         ({"advice": 2}, "choose another"),
+        ({"action_mask": [[3], 0, 1], "seen": 2}, "choose another"),
         ({"a": {"b": 2}}, "a key of its own"),
     ],
 )

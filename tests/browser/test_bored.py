@@ -70,7 +70,7 @@ def visitor(browser: webdriver.Chrome, city: Server, owners_key: str) -> Visitor
 def quiet(visitor, complaints, hosts, request) -> Iterator[None]:
     """No test leaves an error on the console or asks another host."""
     yield
-    assert hosts() == {visitor.url.split("/")[2]}
+    assert hosts() <= {visitor.url.split("/")[2]}
     if not request.node.get_closest_marker("away"):
         assert complaints() == []
 
