@@ -50,7 +50,9 @@ class Wire:
 
     def connect(self) -> Connection:
         """A connection of one's own. Raises Unreachable."""
-        connection = self._factory.make_connection()
+        connection = self._factory.connection_class(
+            **self._factory.connection_kwargs
+        )  # uncounted, unlike the pool's own
         try:
             connection.connect()
         except (RedisError, OSError) as error:
