@@ -35,7 +35,10 @@ def fields_of(agent, **changes):
     names = ["name", "policy", "max_percent_cpu", "max_executions", "sessions_per_execution"]
     ticks = ("enable_learning", "learning_correction", "peers_advise")
     names += [name for name in ADVICE if name not in (*ticks, "advisor")]
-    fields = {name: getattr(agent, name) for name in [*names, "start_from", "save_interval"]}
+    fields = {
+        name: getattr(agent, name)
+        for name in [*names, "start_from", "save_interval", "answer_within", "unanswered_reward"]
+    }
     fields |= {name: "on" for name in ticks if getattr(agent, name)} | {"advisor": agent.advisor_id or ""}
     fields |= {"action_space": "4", "observation_space": "[[8], -10, 10]"}
     return {name: value for name, value in (fields | changes).items() if value is not None}
