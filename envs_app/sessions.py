@@ -34,7 +34,7 @@ from envs_app.messages import Message, encode_observation
 from envs_app.observations import read_advice, read_mask, read_observation, read_reward
 from envs_app.requests import Caller
 from envs_app.steps import Reply, Step
-from envs_app.transports.base import Address, Claim
+from envs_app.transports.base import Address, Away, Claim
 from envs_app.transports.choice import get_transport
 
 REFRESH_SECONDS = 2.0  # so long may a closed session or a revoked key go on
@@ -254,6 +254,8 @@ def _send(handle: Handle, message: Message) -> Message:
             answer = get_transport().call(address, message, settings.STEP_TIMEOUT)
         except TimeoutError:
             raise ExecutionLost("The execution did not answer in time; repeat the step.", 1.0) from None
+        except Away:
+            raise  # nobody says that the execution is lost: the session keeps it
         except OSError:
             log.warning("execution lost", session=handle.session, agent=handle.agent, execution=address.uid)
             answer, lost = {"k": "error", "code": "busy"}, True

@@ -33,6 +33,10 @@ class Claim:
     waits: bool = True  # False: it only wants one to be ready, and takes no place in the queue
 
 
+class Away(ConnectionError):
+    """What carries the steps is away, or has just come back: nobody knows of the execution. The step may be repeated there."""
+
+
 class Transport(ABC):
     """The web process's side. Every method may raise ConnectionError when the executions' side is not there."""
 
@@ -52,7 +56,7 @@ class Transport(ABC):
 
     @abstractmethod
     def call(self, address: Address, message: Message, timeout: float) -> Message:
-        """Send one step and wait for its answer. Raises ConnectionError when the execution is gone, TimeoutError."""
+        """Send one step and wait for its answer. Raises ConnectionError when the execution is gone, Away, TimeoutError."""
 
     @abstractmethod
     def forget(self, session: int, agent: str) -> None:

@@ -33,6 +33,7 @@ class Player(threading.Thread):
         self.random = random.Random(seed)
         self.episodes: list[tuple[float, int]] = []  # return and length, as answered
         self.repeats = 0  # the most that one step needed
+        self.refusals: list[TransientError] = []  # what the client package hid
         self.error: BaseException | None = None
         self.stopping, self.ending = threading.Event(), threading.Event()
         self.session = Client(key, url, patience=PATIENCE).session()
@@ -87,7 +88,8 @@ class Player(threading.Thread):
             nonlocal repeats
             try:
                 answer = request(*arguments)
-            except TransientError:
+            except TransientError as refusal:
+                self.refusals.append(refusal)
                 repeats += 1
                 self.repeats = max(self.repeats, repeats)
                 raise
@@ -110,6 +112,10 @@ class Players(list[Player]):
             if player.error is not None:
                 raise AssertionError(f"a client failed: {player.error!r}") from player.error
         return all(len(player.episodes) >= goal for player, goal in zip(self, goals, strict=True))
+
+    def refused(self, before: int = 0) -> list[TransientError]:
+        """What the clients were refused, and hid; those of each client after so many."""
+        return [refusal for player in self for refusal in player.refusals[before:]]
 
     def stop(self) -> None:
         """Have all end their episodes. Raises what a client raised."""

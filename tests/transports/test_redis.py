@@ -36,7 +36,7 @@ class RedisEngine(Engine):
         self.start()
 
     def start(self) -> None:
-        """Start it and wait until it has said that it lives."""
+        """Start it and wait until it has said that it lives, and executions are launched."""
         with (self.data / "worker.log").open("ab") as log:
             command = [sys.executable, "-I", "-S", bond.__file__, str(os.getpid())]
             command += [sys.executable, "-m", "celery", "-A", "shepherd", "worker", "-Q", "small,large"]
@@ -66,7 +66,8 @@ class RedisEngine(Engine):
 
     def _lives(self) -> bool:
         assert self.process.poll() is None, (self.data / "worker.log").read_text()
-        return self.process.pid in [machine["pid"] for machine in self.connect().room.machines().values()]
+        room = self.connect().room
+        return self.process.pid in [machine["pid"] for machine in room.machines().values()] and room.settled()
 
 
 @pytest.fixture(scope="module")

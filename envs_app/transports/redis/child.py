@@ -167,12 +167,12 @@ class RedisChild(ExecutionLoop):
         self.connection.send_command("BLMPOP", LISTEN_SECONDS, 1, keys.inbox(self.spec.uid), "LEFT", "COUNT", AT_ONCE)
 
     def _hear(self, _: Any) -> None:
+        found = None
         try:
             found = self.connection.read_response()
             self._ask_for_more()  # before the messages are served, so that nobody waits for them
         except (RedisError, OSError):
             self._stop_listening()
-            return
         for raw in found[1] if found else ():
             self._serve(unpack(raw))
 
@@ -277,7 +277,7 @@ class RedisChild(ExecutionLoop):
         spec, agent = self.spec, self.spec.agent_id
         lease = {"starting": keys.BUILD_LEASE, "ready": keys.LEASE, "stopping": keys.STOP_LEASE}[self.state]
         peer = {"uid": spec.uid, "version": self.published, "mean": self.status.get("mean_return"), "k": "peer"}
-        names = [keys.lease(spec.uid), keys.executions(agent), keys.AGENTS, keys.running(self.place.queue), keys.KNOWN]
+        names = [keys.lease(spec.uid), keys.executions(agent), keys.AGENTS, keys.running(self.place.queue)]
         names += [keys.peers(spec.run), keys.weights(spec.uid)]
         advises = self.published and self.state == "ready"
         return scripts.script(

@@ -1,7 +1,7 @@
 """The web process's side of the Redis transport.
 
 One hop each way: a step is pushed onto its execution's inbox, and its answer popped from a list of its own, by blocking pops; the
-two commands travel in one packet. Nothing is polled: only who hears nothing for some seconds looks whether the execution lives.
+two commands travel in one packet. Nothing is polled: who hears nothing for some seconds looks whether an answer may yet come.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from django.conf import settings
 
 from envs_app.errors import NoCapacity
 from envs_app.messages import Message, unpack
-from envs_app.transports.base import Address, Claim, Transport
+from envs_app.transports.base import Address, Away, Claim, Transport
 from envs_app.transports.redis import keys, scripts
 from envs_app.transports.redis.machines import Room
 from envs_app.transports.redis.queues import queue_of
 from envs_app.transports.redis.shared import End, Fleet, RedisExecution, Shared
 from envs_app.transports.redis.wire import COMMAND_SECONDS, Wire
 
-LOOK_SECONDS = 5.0  # who hears nothing for so long looks whether the execution lives
+LOOK_SECONDS = 5.0  # who hears nothing for so long looks whether an answer may yet come
 EVENTS_AT_ONCE = 500
 
 
@@ -78,28 +78,16 @@ class RedisTransport(Transport):
         """Push the step, and wait for its answer."""
         deadline = time.monotonic() + timeout
         reply = keys.reply(f"{self._name}-{next(self._calls)}")
-        uid, frame = address.uid, msgpack.packb({**message, "to": reply})
-        names = [keys.lease(uid), keys.inbox(uid), keys.pending(uid), reply]
-        send = scripts.script(scripts.SEND, names, frame, GONE, keys.ms(keys.REPLY))
-        wait = min(LOOK_SECONDS, timeout)
-        *_, found = self.wire.ask(send, ("BLPOP", reply, wait), patience=wait + COMMAND_SECONDS)
-        while found is None:
-            if (left := deadline - time.monotonic()) <= 0:
-                raise TimeoutError("no answer in time")
-            wait = min(LOOK_SECONDS, left)
-            found = self._look_and_wait(uid, reply, wait)
-        answer = unpack(found[1])
-        if answer["k"] == "gone":
-            raise ConnectionError("the execution is gone")
-        return answer
-
-    def _look_and_wait(self, uid: str, reply: str, wait: float) -> Any:
-        lives, found = self.wire.ask(
-            ("EXISTS", keys.lease(uid)), ("BLPOP", reply, max(wait, 0.01)), patience=wait + COMMAND_SECONDS
-        )
-        if not lives and found is None:
-            raise ConnectionError("the execution gives no sign of life")
-        return found
+        names = [reply, keys.lease(address.uid), keys.pending(address.uid)]
+        frame = msgpack.packb({**message, "to": reply})
+        ask = scripts.script(scripts.SEND, [*names, keys.inbox(address.uid)], *TOLD, frame)
+        while (left := deadline - time.monotonic()) > 0:
+            wait = min(LOOK_SECONDS, max(left, 0.01))
+            _, found = self.wire.ask(ask, ("BLPOP", reply, wait), patience=wait + COMMAND_SECONDS)
+            if found is not None:
+                return _answer(unpack(found[1]))
+            ask = scripts.script(scripts.LOOK, names, *TOLD)
+        raise TimeoutError("no answer in time")
 
     def forget(self, session: int, agent: str) -> None:
         """Tell the execution that has it, and delete its state."""
@@ -173,8 +161,7 @@ class RedisTransport(Transport):
         return execution
 
     def _refuse_while_settling(self) -> None:
-        names = [keys.KNOWN, keys.SETTLING]
-        if not self.wire.ask(scripts.script(scripts.SETTLED, names, keys.ms(keys.LEASE), keys.ms(keys.SETTLE)))[0]:
+        if not self.room.settled():
             raise NoCapacity("The executions are being found again; repeat the step.", 0.5)
 
     # --- launching ---
@@ -216,4 +203,13 @@ def _launched(fleet: Fleet, spec: dict[str, Any]) -> RedisExecution:
     return execution
 
 
-GONE = msgpack.packb({"k": "gone"})
+def _answer(message: Message) -> Message:
+    """What came of a step. Raises ConnectionError when its execution is gone, Away when Redis has forgotten it."""
+    if message["k"] == "gone":
+        raise ConnectionError("the execution is gone")
+    if message["k"] == "away":
+        raise Away("Redis has lost its memory")
+    return message
+
+
+TOLD = msgpack.packb({"k": "gone"}), msgpack.packb({"k": "away"}), keys.ms(keys.REPLY)

@@ -34,12 +34,14 @@ class Room:
         now = seconds(time)
         return {name: facts for name, (at, facts) in said_by(raw).items() if now - at <= keys.LEASE}
 
+    def settled(self) -> bool:
+        """Whether it is known who lives; for a moment after Redis lost its memory, or began, it is not. Raises Unreachable."""
+        return bool(self.wire.ask(scripts.script(scripts.SETTLED, []))[0])
+
     def beat(self, name: str, queues: list[str], slots: int) -> None:
         """A worker's sign of life. Raises Unreachable."""
         facts = msgpack.packb({"k": "machine", "queues": queues, "slots": slots, "pid": os.getpid()})
-        names = [keys.MACHINES, keys.KNOWN]
-        lifetimes = keys.ms(keys.LEASE), keys.ms(keys.AGENT)
-        self.wire.ask(scripts.script(scripts.BEAT_MACHINE, names, name, facts, *lifetimes))
+        self.wire.ask(scripts.script(scripts.BEAT_MACHINE, [keys.MACHINES], name, facts, keys.ms(keys.AGENT)))
 
     def leave(self, name: str) -> None:
         """The worker takes no more. Raises Unreachable."""

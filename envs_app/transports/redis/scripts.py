@@ -4,18 +4,43 @@ from __future__ import annotations
 
 from typing import Any
 
+from envs_app.transports.redis.keys import KNOWN, LEASE, SETTLE, SETTLING, ms
+
 NOW = "local t = redis.call('TIME') local now = t[1] * 1000 + math.floor(t[2] / 1000) "
 
-# A step for an execution; if that is gone, the caller is told by the very list that it waits on.
-SEND = """
-if redis.call('EXISTS', KEYS[1]) == 0 then
-  redis.call('RPUSH', KEYS[4], ARGV[2]) redis.call('PEXPIRE', KEYS[4], ARGV[3])
-  return 0
+# Somebody lives. If nobody was known to live, Redis has lost its memory: nobody may claim anything until all have spoken.
+_SETTLE = f"""
+if redis.call('EXISTS', '{KNOWN}') == 0 then redis.call('SET', '{SETTLING}', '1', 'PX', {ms(SETTLE)}) end
+redis.call('SET', '{KNOWN}', '1', 'PX', {ms(LEASE)})
+"""
+
+# If the execution is gone, the caller is told by the very list that it waits on: this, or that nobody can know yet.
+_TELL_IF_GONE = f"""
+local function tell(word) redis.call('RPUSH', KEYS[1], word) redis.call('PEXPIRE', KEYS[1], ARGV[3]) return 0 end
+if redis.call('EXISTS', KEYS[2]) == 0 then
+  local settled = redis.call('EXISTS', '{KNOWN}') == 1 and redis.call('EXISTS', '{SETTLING}') == 0
+  return tell(settled and ARGV[1] or ARGV[2])
 end
-redis.call('RPUSH', KEYS[2], ARGV[1]) redis.call('PEXPIRE', KEYS[2], ARGV[3])
-redis.call('SADD', KEYS[3], KEYS[4]) redis.call('PEXPIRE', KEYS[3], ARGV[3])
+"""
+
+# A step for an execution.
+SEND = (
+    _TELL_IF_GONE
+    + """
+redis.call('RPUSH', KEYS[4], ARGV[4]) redis.call('PEXPIRE', KEYS[4], ARGV[3])
+redis.call('SADD', KEYS[3], KEYS[1]) redis.call('PEXPIRE', KEYS[3], ARGV[3])
 return 1
 """
+)
+
+# Whether an answer may yet come: Redis may have forgotten the step with all else.
+LOOK = (
+    _TELL_IF_GONE
+    + """
+if redis.call('SISMEMBER', KEYS[3], KEYS[1]) == 1 then return redis.call('PEXPIRE', KEYS[3], ARGV[3]) end
+return redis.call('EXISTS', KEYS[1]) == 1 or tell(ARGV[2])
+"""
+)
 
 # Keeps the state of a session, unless a newer owner has it.
 _KEEP = """
@@ -42,16 +67,16 @@ return mine and 1 or 0
 # A sign of life. Returns whether the last one was still known. One that saves has no lease any more: it serves nobody.
 BEAT = (
     NOW
+    + _SETTLE
     + """
 local known = redis.call('EXISTS', KEYS[1])
 if ARGV[6] == '1' then redis.call('SET', KEYS[1], '1', 'PX', ARGV[3]) end
 redis.call('HSET', KEYS[2], ARGV[1], now .. ':' .. ARGV[2]) redis.call('PEXPIRE', KEYS[2], ARGV[4])
 redis.call('ZADD', KEYS[3], now, ARGV[5]) redis.call('PEXPIRE', KEYS[3], ARGV[4])
 redis.call('ZADD', KEYS[4], now + ARGV[3], ARGV[1]) redis.call('PEXPIRE', KEYS[4], ARGV[4])
-redis.call('SET', KEYS[5], '1', 'PX', ARGV[3])
 if ARGV[8] ~= '' then
-  redis.call('HSET', KEYS[6], ARGV[7], now .. ':' .. ARGV[8]) redis.call('PEXPIRE', KEYS[6], ARGV[4])
-  redis.call('PEXPIRE', KEYS[7], ARGV[4])
+  redis.call('HSET', KEYS[5], ARGV[7], now .. ':' .. ARGV[8]) redis.call('PEXPIRE', KEYS[5], ARGV[4])
+  redis.call('PEXPIRE', KEYS[6], ARGV[4])
 end
 return known
 """
@@ -72,9 +97,9 @@ return 1
 # A machine's sign of life.
 BEAT_MACHINE = (
     NOW
+    + _SETTLE
     + """
-redis.call('HSET', KEYS[1], ARGV[1], now .. ':' .. ARGV[2]) redis.call('PEXPIRE', KEYS[1], ARGV[4])
-redis.call('SET', KEYS[2], '1', 'PX', ARGV[3])
+redis.call('HSET', KEYS[1], ARGV[1], now .. ':' .. ARGV[2]) redis.call('PEXPIRE', KEYS[1], ARGV[3])
 return 1
 """
 )
@@ -99,13 +124,10 @@ redis.call('ZREM', KEYS[5], ARGV[3])
 return ARGV[4] == '1' and redis.call('HDEL', KEYS[6], ARGV[3]) or 0
 """
 
-# Whether Redis still knows the living. If it lost its memory, nobody may claim anything until they have said that they live.
-SETTLED = """
-if redis.call('EXISTS', KEYS[1]) == 0 then
-  redis.call('SET', KEYS[1], '1', 'PX', ARGV[1])
-  redis.call('SET', KEYS[2], '1', 'PX', ARGV[2])
-end
-return 1 - redis.call('EXISTS', KEYS[2])
+# Whether it is known who lives.
+SETTLED = f"""
+if redis.call('EXISTS', '{KNOWN}') == 0 then {_SETTLE} end
+return 1 - redis.call('EXISTS', '{SETTLING}')
 """
 
 # Something happened. The number is the time in microseconds, and grows.

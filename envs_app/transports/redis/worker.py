@@ -79,15 +79,19 @@ class Machine(bootsteps.StartStopStep):
             log.warning("the worker's main process has %d threads: what it forks may hang", threads)
 
     def register_with_event_loop(self, worker: Any, hub: Any) -> None:
-        """Called each time that the worker has reached the broker."""
-        if self.watching or not self.enabled:
+        """Called each time that the worker has reached the broker: when it loses it, Celery ends what is called repeatedly."""
+        if not self.enabled:
             return
-        self.watching = True
-        self.wire = Wire(settings.REDIS_URL)
-        self.shared, self.room = Shared(self.wire), Room(self.wire)
+        if not self.watching:
+            self._begin()
         self._tick(worker)
         hub.call_repeatedly(BEAT_SECONDS, self._tick, worker)
         hub.call_repeatedly(REAP_SECONDS, worker.pool.maintain_pool)  # Celery itself looks for the lost every 5 s
+
+    def _begin(self) -> None:
+        self.watching = True
+        self.wire = Wire(settings.REDIS_URL)
+        self.shared, self.room = Shared(self.wire), Room(self.wire)
         task_failure.connect(self._on_failure, weak=False)
 
     def stop(self, worker: Any) -> None:

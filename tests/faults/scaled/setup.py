@@ -1,0 +1,71 @@
+"""`manage.py scaled` on a Redis and a PostgreSQL of its own, all of which a test may break."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from tests.servers import Server
+from tests.services import PostgresServer, RedisServer, running
+
+SLOTS = 12  # of each worker: one alone has room for the clients of a test
+
+
+class Scaled(Server):
+    """Two web processes, two workers and beat, with the services that they need."""
+
+    def __init__(self, data: Path, redis: RedisServer, postgres: PostgresServer, **environment: Any) -> None:
+        self.redis, self.postgres = redis, postgres
+        own = {"REDIS_URL": redis.url, "DATABASE_URL": postgres.url, "SHEPHERD_SLOTS": SLOTS}
+        super().__init__(data, own | environment, ("scaled",))
+
+    def part(self, name: str) -> int | None:
+        """The process id of web1, web2, worker1, worker2 or beat; None while it is being restarted."""
+        return self.state["processes"][name]
+
+    def granian_pids(self) -> list[int]:
+        """The main processes of the web."""
+        return [pid for name, pid in self.state["processes"].items() if name.startswith("web") and pid]
+
+    def web_pids(self) -> list[int]:
+        """The web processes that answer requests."""
+        return [child for pid in self.granian_pids() for child in _children(pid)]
+
+    def execution_pids(self) -> list[int]:
+        """The children of the workers that are executions."""
+        return [process.pid for process in self.processes() if _title(process).startswith("shepherd: execution")]
+
+
+@contextmanager
+def running_scaled(**environment: Any) -> Iterator[Scaled]:
+    """The whole set-up, ready, and ended afterwards. Fails when it leaves a process behind."""
+    data = Path(tempfile.mkdtemp(prefix="shepherd-"))
+    with running(RedisServer()) as redis, running(PostgresServer()) as postgres:
+        server = Scaled(data, redis, postgres, **environment)
+        try:
+            server.wait_until_ready()
+            yield server
+        finally:
+            left = server.end()
+            shutil.rmtree(data, ignore_errors=True)
+    assert not left, f"the set-up left processes behind: {left}"
+
+
+def _children(pid: int) -> list[int]:
+    try:
+        return [child.pid for child in psutil.Process(pid).children()]
+    except psutil.NoSuchProcess:
+        return []
+
+
+def _title(process: psutil.Process) -> str:
+    try:
+        return " ".join(process.cmdline())
+    except psutil.Error:
+        return ""
