@@ -17,6 +17,7 @@ from django.utils import timezone
 from agents_app.checks_agent import NO_ADVICE, check_parameters, takes_no_advice
 from agents_app.fleet import get_fleet
 from agents_app.models import (
+    ActionTally,
     Agent,
     APIKey,
     CurveBlock,
@@ -124,8 +125,9 @@ def delete_saves(run: Run) -> int:
 
 @transaction.atomic
 def delete_curve(run: Run) -> int:
-    """Delete the returns of a run. Returns how many."""
+    """Delete the returns of a run, and what was counted of them. Returns how many."""
     CurveBlock.objects.filter(run=run).delete()
+    ActionTally.objects.filter(run=run).delete()
     return EpisodeReturn.objects.filter(run=run).delete()[0]
 
 

@@ -144,7 +144,7 @@ class AgentSerializer(SessionAgentSerializer):
             *("parameters", "advice"),
             *("enable_learning", "max_percent_cpu", "max_executions", "sessions_per_execution"),
             *("answer_within", "unanswered_reward"),
-            *("start_from", "save_interval", "public", "created_at", "last_activity_at", "run"),
+            *("start_from", "save_interval", "public", "counted_in", "created_at", "last_activity_at", "run"),
         ]
 
     def get_parameters(self, agent: Agent) -> dict[str, Any]:

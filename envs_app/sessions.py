@@ -24,6 +24,7 @@ from django.db.models import Max
 from django.utils import timezone
 from gymnasium import spaces
 
+from agents_app import tallies
 from agents_app.algorithms.registry import get_row
 from agents_app.models import Agent, APIKey, EpisodeReturn, Execution, Session, hash_key, make_key
 from agents_app.spaces import parse_space
@@ -65,6 +66,7 @@ class Handle:
     max_executions: int
     sessions_per_execution: int
     guard: Guard | None  # of the API key
+    counted_in: str  # time zone by whose hours actions are counted; empty: they are not
     checked_at: float
     address: Address | None = None
 
@@ -157,6 +159,7 @@ def load(key_hash: str) -> Handle:
         max_executions=agent.max_executions,
         sessions_per_execution=places(agent),
         guard=guard_of(session.api_key),
+        counted_in=agent.counted_in,
         checked_at=time.monotonic(),
     )
 
@@ -307,7 +310,14 @@ def record_return(handle: Handle, episode: dict[str, Any]) -> None:
             },
         )
         if created:
+            _count(handle, episode)
             _note_activity(handle)
+
+
+def _count(handle: Handle, episode: dict[str, Any]) -> None:
+    """Into the sums of the agent's actions, if its owner wants them and the episode has a single action."""
+    if handle.counted_in and "action" in episode:
+        tallies.count(episode["run"], handle.counted_in, episode["action"], episode["chosen_at"], episode["return"])
 
 
 def _turn_to_write() -> AbstractContextManager[Any]:

@@ -47,6 +47,7 @@ EXECUTIONS = (
     "save_interval",
     "start_from",
 )
+SHOWN = ("public", "counted_in")  # on the live page
 AT_RESTART = {"policy", "action_space", "observation_space", "action_masks", *ADVICE, "start_from"}
 AT_RESTART |= {"answer_within", "unanswered_reward"}
 
@@ -97,7 +98,7 @@ class AgentAdmin(AgentPages, DeletesQuietly, OwnedAdmin):
         masks = ("action_masks",) if takes_setting_of_masks(obj) else ()
         parameters = [PREFIX + name for name in obj.algorithm.parameters.values_list("name", flat=True)]
         return [
-            ("Agent", {"classes": ["tab"], "fields": (*owner, *BASICS, "policy", *masks, "enable_learning", "public")}),
+            ("Agent", {"classes": ["tab"], "fields": (*owner, *BASICS, "policy", *masks, "enable_learning", *SHOWN)}),
             ("Parameters", {"classes": ["tab"], "fields": parameters}),
             ("Advice", {"classes": ["tab"], **advice_fields(obj)}),
             ("Executions", {"classes": ["tab"], "fields": EXECUTIONS}),

@@ -2,12 +2,13 @@
 
 from agents_app.models.agent import Agent
 from agents_app.models.catalogue import Algorithm, Parameter, ParameterType, ParameterValue
-from agents_app.models.history import CurveBlock, EpisodeReturn, Execution, ExecutionError, Run, Save
+from agents_app.models.history import ActionTally, CurveBlock, EpisodeReturn, Execution, ExecutionError, Run, Save
 from agents_app.models.keys import APIKey, Session, hash_key, make_key
 from agents_app.models.user import User
 
 __all__ = [
     "APIKey",
+    "ActionTally",
     "Agent",
     "Algorithm",
     "CurveBlock",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import uuid
+import zoneinfo
 from typing import Any
 
 from django.conf import settings
@@ -14,6 +15,12 @@ from django.utils import timezone
 from agents_app.algorithms import mixing
 from agents_app.algorithms.registry import get_row
 from agents_app.models.catalogue import Algorithm
+
+
+def check_zone(name: str) -> None:
+    """Refuse what is no time zone."""
+    if name not in zoneinfo.available_timezones():
+        raise ValidationError(f"{name!r} is no time zone: write e.g. Europe/Brussels, or UTC.")
 
 
 class Agent(models.Model):
@@ -197,7 +204,21 @@ class Agent(models.Model):
     save_interval = models.PositiveIntegerField(
         default=10_000, validators=[MinValueValidator(1)], help_text="Steps between two saves of an execution."
     )
-    public = models.BooleanField(default=False, help_text="Anybody may see the learning curve.")
+    public = models.BooleanField(
+        "public live page",
+        default=False,
+        help_text="Anybody may see the learning curve, the executions and who advises whom, at /agents/.../. Nobody sees keys, "
+        "errors or your other agents there.",
+    )
+    counted_in = models.CharField(
+        "count actions by the hour in",
+        max_length=64,
+        blank=True,
+        default="",
+        validators=[check_zone],
+        help_text="A time zone, e.g. Europe/Brussels. Of episodes of one step, the live page then says how often each action was "
+        "chosen, and how it was rewarded, by the hour there. Empty: nothing is counted.",
+    )
     created_at = models.DateTimeField("created", default=timezone.now, editable=False)
     last_activity_at = models.DateTimeField("last activity", null=True, editable=False)
 

@@ -116,3 +116,20 @@ class CurveBlock(models.Model):
 
     def __str__(self) -> str:
         return f"block {self.number}"
+
+
+class ActionTally(models.Model):
+    """How often an action was chosen in an hour of the day, and what that was rewarded; of episodes of one step."""
+
+    run = models.ForeignKey(Run, models.CASCADE, related_name="tallies")
+    action = models.PositiveIntegerField()
+    hour = models.PositiveSmallIntegerField(help_text="0 to 23, in the time zone in which the agent is counted.")
+    count = models.PositiveBigIntegerField(default=0)
+    total = models.FloatField(default=0.0, help_text="Sum of the rewards.")
+
+    class Meta:
+        ordering = ["action", "hour"]
+        constraints = [models.UniqueConstraint(fields=["run", "action", "hour"], name="tally_once_per_hour")]
+
+    def __str__(self) -> str:
+        return f"action {self.action} at {self.hour}: {self.count} times"

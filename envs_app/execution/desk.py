@@ -235,6 +235,7 @@ class Desk:
             state.length += 1
         elif not ends:
             state.in_episode, state.episode, state.sum, state.length = True, state.episode + 1, 0.0, 0
+            state.began = time.time()
             self.worker.actor.begin()
         if ends:
             self._end(waiting, obs)
@@ -290,7 +291,7 @@ class Desk:
         """What is kept of the episode that ends now."""
         spec, learning = self.worker.spec, self.worker.learning
         facts = {"number": state.episode, "return": state.sum, "length": state.length, "learning": learning}
-        return facts | {"run": spec.run, "execution": spec.uid}
+        return facts | {"run": spec.run, "execution": spec.uid} | _only_action(state)
 
     def _last_episode(self, message: Message, state: SessionState) -> dict[str, Any] | None:
         """A client without `seq` that ends an episode twice heard no answer: perhaps the return could not be kept."""
@@ -336,6 +337,12 @@ class Desk:
         if action is not None:
             del self.parked[session]
             self._finish(waiting, action)
+
+
+def _only_action(state: SessionState) -> dict[str, Any]:
+    """Of an episode of one step, the action if it was one of n, and when it was chosen: what can be counted."""
+    action = state.reply["action"] if state.reply and state.length == 1 else None
+    return {"action": action, "chosen_at": state.began} if isinstance(action, int) else {}
 
 
 def _mask(message: Message) -> np.ndarray | None:

@@ -30,6 +30,7 @@ class SessionState:
     episode: int = 0  # counts from 1; the one that runs, or the last one
     sum: float = 0.0  # of the rewards of the episode
     length: int = 0
+    began: float = 0.0  # when its first action was chosen, in seconds since the epoch
 
 
 FIELDS = tuple(field.name for field in fields(SessionState))

@@ -51,6 +51,14 @@ class TestEpisodes:
         station.step()
         assert station.step(reward=1.0, terminated=True)["episode"]["number"] == 1
 
+    def test_of_an_episode_of_one_step_the_action_is_told_and_when_it_was_chosen(self, station: Station) -> None:
+        before = time.time()
+        action = station.step()["action"]
+        between = time.time()
+        episode = station.step(reward=1.0, terminated=True)["episode"]
+        assert episode["action"] == action
+        assert before <= episode["chosen_at"] <= between
+
     def test_the_next_episode_begins_anew(self, station: Station) -> None:
         station.play(9, length=3)
         assert [answer["episode"] for answer in station.answers.values() if answer["ended"]] == [
