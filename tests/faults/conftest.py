@@ -53,6 +53,7 @@ AGENTS: dict[str, dict[str, Any]] = {
     "diverging TD3": {"algorithm": "TD3", "action_space": [[2], -1, 1], "parameters": OFF_POLICY},
     "schedules": {},
     "revoked": {},
+    "any order": {"sessions_per_execution": 2},
 }
 
 

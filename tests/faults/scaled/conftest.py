@@ -15,6 +15,7 @@ AGENTS: dict[str, dict[str, Any]] = {
     "flushed Redis": {},
     "killed Redis": {},
     "full Redis": {},
+    "any order": {"sessions_per_execution": 2},
 }
 
 
