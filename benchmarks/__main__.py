@@ -20,6 +20,7 @@ ROWS = {
     "training": "steps while PPO trains",
     "crowd": "16 clients on one agent",
     "advice": "what advice adds",
+    "added": "what advice adds to a decision, by algorithm",
     "login": "login, and a new execution",
     "memory": "memory of an execution",
     "kill": "kill -9 of an execution",

@@ -79,7 +79,7 @@ def as_order(advice: np.ndarray, action_space: spaces.Space) -> np.ndarray:
     if isinstance(action_space, spaces.Discrete):
         return np.eye(advice.size, dtype=np.float32)[advice.argmax()]
     assert isinstance(action_space, spaces.Box)
-    mean, deviation = _halves(advice)
+    mean, deviation = halves(advice)
     exact = 1e-3 * (action_space.high - action_space.low).reshape(-1)
     return np.concatenate([mean, np.where(np.isinf(deviation), deviation, exact)]).astype(np.float32)
 
@@ -161,14 +161,14 @@ def intersect_mean(mean: Array, advice: Array, part: float = 0.5) -> Array:
 
     With another part w of the advisor, (1 - w) mu_L + w mu_A: the geometric mean of two Gaussians of one deviation.
     """
-    advised, deviation = _halves(advice)
+    advised, deviation = halves(advice)
     xp = _library(mean)
     return xp.where(xp.isinf(deviation), mean, (1.0 - part) * mean + part * advised)
 
 
 def advisor_of(own: Gaussian[Array], advice: Array) -> Gaussian[Array]:
     """The advisor's policy; in dimensions of which it says nothing, the learner's own."""
-    mean, deviation = _halves(advice)
+    mean, deviation = halves(advice)
     xp = _library(advice)
     silent = xp.isinf(deviation)
     return Gaussian(xp.where(silent, own.mean, mean), xp.where(silent, own.deviation, xp.clip(deviation, HARD, LOOSE)))
@@ -184,7 +184,7 @@ def product(own: Gaussian[Array], advice: Array, last_word: str = LEARNER) -> Ga
     share = 1 / (1 + looser**2)  # of the advisor in the mean
     agreed = own.mean + share * (advisor.mean - own.mean), advisor.deviation * share**0.5
     rest = own if last_word == LEARNER else advisor
-    keep, empty = xp.isinf(_halves(advice)[1]), is_empty(own, advice)
+    keep, empty = xp.isinf(halves(advice)[1]), is_empty(own, advice)
     mean, deviation = (
         xp.where(keep, mine, xp.where(empty, left, both)) for mine, left, both in zip(own, rest, agreed, strict=True)
     )
@@ -205,7 +205,7 @@ def acceptance(candidates: Array, own: Gaussian[Array], advice: Array) -> Array:
     """
     xp = _library(advice)
     apart = (candidates - own.mean) / own.deviation
-    return -0.5 * xp.sum(xp.where(xp.isinf(_halves(advice)[1]), 0.0, apart) ** 2, axis=-1)
+    return -0.5 * xp.sum(xp.where(xp.isinf(halves(advice)[1]), 0.0, apart) ** 2, axis=-1)
 
 
 def log_density(actions: Array, policy: Gaussian[Array]) -> Array:
@@ -226,10 +226,11 @@ def reuse_log_density(actions: Array, own: Gaussian[Array], advice: Array, psi: 
 def says_nothing(advice: Array) -> Array:
     """Whether means and deviations, (..., 2A), say nothing in any dimension. (...)."""
     xp = _library(advice)
-    return xp.all(xp.isinf(_halves(advice)[1]), axis=-1)
+    return xp.all(xp.isinf(halves(advice)[1]), axis=-1)
 
 
-def _halves(advice: Array) -> tuple[Array, Array]:
+def halves(advice: Array) -> tuple[Array, Array]:
+    """Means and deviations, both (..., A), of (..., 2A)."""
     half = advice.shape[-1] // 2
     return advice[..., :half], advice[..., half:]
 
@@ -246,7 +247,7 @@ def shaping_reward(advice: np.ndarray, action: Any) -> float:
     """Reward shaping from an advisor, thesis 5.2.1: pi_A(s, a), a probability or a density. 0 where the advisor is silent."""
     if np.ndim(action) == 0:
         return 0.0 if is_neutral(advice).all() else float(advice[int(action)] / advice.sum())
-    mean, deviation = _halves(advice)
+    mean, deviation = halves(advice)
     told = ~np.isinf(deviation)
     if not told.any():
         return 0.0

@@ -135,14 +135,11 @@ class EpsilonGreedy(SeesMask):
         """What a peer need not know (actor.py)."""
         return tuple(name for name in ("q_net_target", "quantile_net_target") if hasattr(self, name))
 
-    def probabilities(self, obs: Any, exploration: float) -> np.ndarray:
-        """Of each action, (B, A): (1 - epsilon) for the greedy one, and epsilon in equal parts for all that are allowed."""
+    def chances(self, obs: Any, exploration: float) -> np.ndarray:
+        """Of each action, (B, A), at that epsilon. `obs`: tensors or arrays."""
         own: Any = self
-        greedy, allowed = own._predict(obs, deterministic=True).cpu().numpy(), allowed_of(obs)
-        anywhere = np.ones((len(greedy), own.action_space.n)) if allowed is None else allowed.cpu().numpy()
-        chances = (exploration / anywhere.sum(-1, keepdims=True) * anywhere).astype(np.float32)
-        chances[np.arange(len(greedy)), greedy] += 1.0 - exploration
-        return chances
+        greedy = own._predict(as_tensors(obs, own.device), deterministic=True).cpu().numpy()
+        return epsilon_greedy(greedy, allowed_of(obs), int(own.action_space.n), exploration)
 
     def make_q_net(self) -> MaskedQNetwork:
         """As DQN does."""
@@ -158,8 +155,16 @@ class EpsilonGreedy(SeesMask):
 
     def get_distribution(self, obs: Any) -> CategoricalDistribution:
         """What it does without advice, at the rate of exploration that it has now."""
-        chances = th.from_numpy(self.probabilities(without_advice(obs), float(self.exploration)))
+        chances = th.from_numpy(self.chances(without_advice(obs), float(self.exploration)))
         return CategoricalDistribution(chances.shape[-1]).proba_distribution(chances.log())
+
+
+def epsilon_greedy(greedy: np.ndarray, allowed: Any, actions: int, exploration: float) -> np.ndarray:
+    """Probabilities, (B, A): (1 - epsilon) for the greedy action, (B,), and epsilon in equal parts for all that are allowed."""
+    anywhere = np.ones((len(greedy), actions)) if allowed is None else np.asarray(allowed)
+    chances = (exploration / anywhere.sum(-1, keepdims=True) * anywhere).astype(np.float32)
+    chances[np.arange(len(greedy)), greedy] += 1.0 - exploration
+    return chances
 
 
 class AdvisedValues(AdvisedSampling):
@@ -184,8 +189,7 @@ class AdvisedValues(AdvisedSampling):
     def _sample_mixed(
         self, advice: np.ndarray | None, warms_up: bool, action_noise: ActionNoise | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        observed = obs_as_tensor(self._last_obs, self.device)
-        own = self.policy.probabilities(observed, 1.0 if warms_up else self.exploration_rate)
+        own = self.policy.chances(self._last_obs, 1.0 if warms_up else self.exploration_rate)
         mixed = mix_allowed(np.log(np.maximum(own, TINY)), advice, self.mixing, allowed_of(self._last_obs))
         action = (mixed + np.random.gumbel(size=mixed.shape)).argmax(-1)  # drawn by exp(mixed)
         return action, action
@@ -203,12 +207,19 @@ class SquashedPolicy:
 
     def explorer(self, obs: Any) -> Squashed:
         """How it explores at a batch of observations."""
-        return Squashed(self.actor, obs)
+        mean, log_std, others = self.actor.get_action_dist_params(as_tensors(obs, self.actor.device))
+        distribution = self.actor.action_dist
+
+        def draw(around: np.ndarray) -> np.ndarray:
+            """With the noise of the distribution itself, which may be gSDE's."""
+            return distribution.actions_from_params(th.from_numpy(around), log_std, **others).cpu().numpy()
+
+        deviation = distribution.proba_distribution(mean, log_std, **others).distribution.stddev
+        return Squashed(mean.detach().cpu().numpy(), deviation.detach().cpu().numpy(), draw)
 
     def get_distribution(self, obs: Any) -> DiagGaussianDistribution:
         """What it does without advice, as means and deviations of actions: those around the greedy action."""
-        explorer = self.explorer(without_advice(obs))
-        return _in_action_units(self.action_space, explorer.greedy(), explorer.straying())
+        return _in_action_units(self.action_space, self.explorer(without_advice(obs)))
 
 
 class DeterministicPolicy:
@@ -217,16 +228,15 @@ class DeterministicPolicy:
     only_for_learning = ("critic", "critic_target", "actor_target")
     actor: Any
     action_space: spaces.Box
-    deviation: th.Tensor  # of the noise, (A,) in SB3's units; 0: there is none
+    deviation: np.ndarray  # of the noise, (A,) in SB3's units; 0: there is none
 
     def explorer(self, obs: Any) -> Noisy:
         """How it explores at a batch of observations."""
-        return Noisy(self.actor(obs), self.deviation)
+        return Noisy(self.actor(as_tensors(obs, self.actor.device)).detach().cpu().numpy(), self.deviation)
 
     def get_distribution(self, obs: Any) -> DiagGaussianDistribution:
         """What it does without advice: the deviation is that of its noise."""
-        greedy = self.actor(without_advice(obs))
-        return _in_action_units(self.action_space, greedy, self.deviation.expand_as(greedy))
+        return _in_action_units(self.action_space, self.explorer(without_advice(obs)))
 
 
 class AdvisedActions(AdvisedSampling):
@@ -248,11 +258,10 @@ class AdvisedActions(AdvisedSampling):
     def _sample_mixed(
         self, advice: np.ndarray, warms_up: bool, action_noise: ActionNoise | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        heard = to_unit_bounds(self.action_space, th.as_tensor(advice, device=self.device))
-        explorer = Uniform() if warms_up else self.policy.explorer(obs_as_tensor(self._last_obs, self.device))
-        noise = 0.0 if action_noise is None else th.as_tensor(action_noise()).reshape(-1, advice.shape[-1] // 2)
-        mixed = draw_mixed(explorer, heard, noise, self.mixing)
-        scaled = mixed.cpu().numpy().reshape(-1, *self.action_space.shape)
+        heard = to_unit_bounds(self.action_space, advice)
+        explorer = Uniform() if warms_up else self.policy.explorer(self._last_obs)
+        noise = 0.0 if action_noise is None else action_noise().reshape(-1, advice.shape[-1] // 2)
+        scaled = draw_mixed(explorer, heard, noise, self.mixing).reshape(-1, *self.action_space.shape)
         return self.policy.unscale_action(scaled), scaled
 
 
@@ -262,10 +271,16 @@ NO_DENSITY = (
 )
 
 
-def _in_action_units(action_space: spaces.Box, mean: th.Tensor, deviation: th.Tensor) -> DiagGaussianDistribution:
+def _in_action_units(action_space: spaces.Box, explorer: Squashed | Noisy) -> DiagGaussianDistribution:
     """Means and deviations, (B, A), of actions between the bounds of the space."""
-    mean, deviation = from_unit_bounds(action_space, mean, deviation)
+    mean, deviation = map(th.from_numpy, from_unit_bounds(action_space, explorer.greedy(), explorer.straying()))
     return DiagGaussianDistribution(mean.shape[-1]).proba_distribution(mean, deviation.clamp_min(EDGE).log())
+
+
+def as_tensors(obs: Any, device: Any) -> Any:
+    """Observations, arrays or tensors, as tensors."""
+    some = next(iter(obs.values())) if isinstance(obs, dict) else obs
+    return obs if isinstance(some, th.Tensor) else obs_as_tensor(obs, device)
 
 
 MIXINS: dict[str, tuple[type[Any], type[Any]]] = {

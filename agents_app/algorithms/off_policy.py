@@ -2,7 +2,8 @@
 
 SB3's `collect_rollouts` asks `_sample_action` for the action and for what goes into the replay buffer. The actor calls that very
 method, on a shallow copy of the algorithm with a policy, noise and counters of its own; the learner's returns the record. The
-actor's policy has objects of its own but the learner's weights, so it is never older than the last gradient step.
+actor's policy has objects of its own but the learner's weights, so it is never older than the last gradient step; where its
+network is small and plain, it is computed in NumPy (small_policies.py).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from agents_app.algorithms.actor import Memory, batch, own_policy
 from agents_app.algorithms.replay import Decision, Tape
+from agents_app.algorithms.small_policies import quickened
 from agents_app.algorithms.weights import share
 
 make_feed = Tape
@@ -58,8 +60,9 @@ class OffPolicyActor:
 
     def __init__(self, algorithm: Any) -> None:
         self.algorithm = copy.copy(algorithm)
-        self.algorithm.policy = own_policy(algorithm)
-        share(self.algorithm.policy, algorithm.policy)
+        policy = own_policy(algorithm)
+        share(policy, algorithm.policy)
+        self.algorithm.policy = quickened(policy)
         self.algorithm._create_aliases()
         self.algorithm.action_noise = copy.deepcopy(algorithm.action_noise)
         self.algorithm.action_space = copy.deepcopy(algorithm.action_space)  # it has a random generator of its own
@@ -78,7 +81,7 @@ class OffPolicyActor:
 
     def exploit(self, obs: Any, memory: Memory, mask: np.ndarray | None) -> tuple[Any, Memory]:
         """The greedy action."""
-        return self.algorithm.policy.predict(obs, deterministic=True)[0], None
+        return self.algorithm.policy.predict(batch(obs), deterministic=True)[0][0], None
 
     def update(self, weights: np.ndarray) -> None:
         """Nothing to do: the weights are shared."""

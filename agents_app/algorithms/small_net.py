@@ -1,13 +1,14 @@
-"""Small actor-critic networks in NumPy, on the memory of their torch tensors.
+"""Small networks in NumPy, on the memory of their torch tensors, and the actor-critic policies made of them.
 
 At a batch of one, torch spends its time on calls, not on numbers: SB3's `forward` of a 64-64 network takes 0.26 ms, this one
-0.04 ms (benchmarks, row `act`). The weights are the very same memory, so `assign` changes both. Networks of other kinds (images,
-dictionaries, gSDE, other activations) raise Unsupported, and the policy itself is called.
+0.04 ms (docs/adr/0004). The weights are the very same memory, so `assign` changes both. Networks of other kinds (images,
+dictionaries, gSDE, other activations) raise Unsupported, and the policy itself is called. Those of algorithms off the policy:
+small_policies.py.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
+from agents_app.algorithms.masks import allowed_of, mask_logits
 from agents_app.algorithms.normalising import Normaliser, NormalisingExtractor
 from agents_app.algorithms.riders import PLAIN, plain_space
 
@@ -35,30 +37,32 @@ class SmallNet:
 
     def __init__(self, policy: ActorCriticPolicy) -> None:
         """Raises Unsupported."""
-        if (
-            type(policy.features_extractor) not in (FlattenExtractor, NormalisingExtractor)
-            or policy.use_sde
-            or not hasattr(policy, "action_net")
-        ):
+        if not hasattr(policy, "action_net") or policy.use_sde or policy.squash_output:
             raise Unsupported
-        self._vector = _vectoriser(plain_space(policy.observation_space))
-        if isinstance(policy.features_extractor, NormalisingExtractor):
-            self._vector = _normalised(self._vector, policy.features_extractor.normaliser)
-        if not isinstance(policy.action_space, spaces.Discrete | spaces.Box) or policy.squash_output:
+        if not isinstance(policy.action_space, spaces.Discrete | spaces.Box):
             raise Unsupported
+        self._vector = vectoriser(policy.features_extractor, policy.observation_space)
         extractor = policy.mlp_extractor
-        self._actor = _layers([*extractor.policy_net, policy.action_net])
-        self._critic = _layers([*extractor.value_net, policy.value_net])
+        self._actor = layers([*extractor.policy_net, policy.action_net])
+        self._critic = layers([*extractor.value_net, policy.value_net])
         self._log_std = policy.log_std.detach().numpy() if isinstance(policy.action_space, spaces.Box) else None
 
     def act(self, obs: Any) -> np.ndarray:
         """Logits (A,), or means (A,)."""
-        return _run(self._actor, self._vector(obs))
+        return run(self._actor, self._vector(obs))
 
     def act_and_value(self, obs: Any) -> tuple[np.ndarray, np.ndarray]:
         """Logits or means, (A,); and the value, (1,)."""
         vector = self._vector(obs)
-        return _run(self._actor, vector), _run(self._critic, vector)
+        return run(self._actor, vector), run(self._critic, vector)
+
+    def probabilities(self, obs: Any) -> np.ndarray:
+        """Of each action, (A,); 0 for those that are not allowed."""
+        return np.exp(log_softmax(mask_logits(self.act(obs), allowed_of(obs))))
+
+    def gaussian(self, obs: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Means (A,) and standard deviations (A,)."""
+        return self.act(obs), self.deviations()
 
     def deviations(self) -> np.ndarray:
         """Standard deviations of continuous actions, (A,)."""
@@ -78,14 +82,23 @@ def draw(log_probs: np.ndarray) -> int:
     return int(min(np.searchsorted(cumulated, np.random.random() * cumulated[-1], side="right"), log_probs.size - 1))
 
 
-def _vectoriser(space: spaces.Space) -> Callable[[Any], np.ndarray]:
-    """From an observation to the input of the first layer, as SB3's preprocess_obs and FlattenExtractor do."""
+def vectoriser(extractor: nn.Module, space: spaces.Space) -> Callable[[Any], np.ndarray]:
+    """From an observation to the input of the first layer, (I,), as SB3's preprocess_obs and the extractor do.
+
+    The observation is of `space`, with riders or without, or a batch of one of them. Raises Unsupported.
+    """
+    if type(extractor) not in (FlattenExtractor, NormalisingExtractor):
+        raise Unsupported
+    vector = _flattener(plain_space(space))
+    return _normalised(vector, extractor.normaliser) if isinstance(extractor, NormalisingExtractor) else vector
+
+
+def _flattener(space: spaces.Space) -> Callable[[Any], np.ndarray]:
     if isinstance(space, spaces.Box) and space.dtype == np.float32:
         return lambda obs: _plain(obs).reshape(-1)
-    if isinstance(space, spaces.Discrete):
-        eye = np.eye(int(space.n), dtype=np.float32) if space.n <= 4096 else None
-        if eye is not None:
-            return lambda obs: eye[int(_plain(obs))]
+    if isinstance(space, spaces.Discrete) and space.n <= 4096:
+        eye = np.eye(int(space.n), dtype=np.float32)
+        return lambda obs: eye[np.asarray(_plain(obs)).item()]
     raise Unsupported
 
 
@@ -98,20 +111,22 @@ def _plain(obs: Any) -> Any:
     return obs[PLAIN] if isinstance(obs, dict) else obs
 
 
-def _layers(modules: list[nn.Module]) -> list[Layer]:
-    layers: list[Layer] = []
+def layers(modules: Iterable[nn.Module]) -> list[Layer]:
+    """What is to be computed one after the other. Raises Unsupported."""
+    found: list[Layer] = []
     for module in modules:
         if isinstance(module, nn.Linear):
-            layers.append((module.weight.detach().numpy(), module.bias.detach().numpy(), None))
-        elif type(module) in ACTIVATIONS and layers:
-            layers[-1] = (*layers[-1][:2], ACTIVATIONS[type(module)])
+            found.append((module.weight.detach().numpy(), module.bias.detach().numpy(), None))
+        elif type(module) in ACTIVATIONS and found:
+            found[-1] = (*found[-1][:2], ACTIVATIONS[type(module)])
         else:
             raise Unsupported
-    return layers
+    return found
 
 
-def _run(layers: list[Layer], x: np.ndarray) -> np.ndarray:
-    for weight, bias, activation in layers:
+def run(network: list[Layer], x: np.ndarray) -> np.ndarray:
+    """The output for one input, (I,) -> (O,)."""
+    for weight, bias, activation in network:
         x = weight @ x + bias
         if activation is not None:
             x = activation(x)

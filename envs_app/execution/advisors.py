@@ -18,9 +18,9 @@ from stable_baselines3.common.utils import obs_as_tensor
 
 from agents_app.algorithms.actor import advising_policy, batch
 from agents_app.algorithms.advice import as_order, combine, combine_logs, neutral_advice
-from agents_app.algorithms.masks import allowed_of, mask_advice, mask_logits
+from agents_app.algorithms.masks import allowed_of, mask_advice
 from agents_app.algorithms.mixing import ALL, BEST, GEOMETRIC, SEVERAL, SOFT
-from agents_app.algorithms.small_net import SmallNet, Unsupported, log_softmax
+from agents_app.algorithms.small_policies import small
 from agents_app.algorithms.spec import AgentSpec
 from agents_app.algorithms.weights import assign
 from envs_app.execution.frozen import Frozen
@@ -50,21 +50,18 @@ class Peer:
 
     def __init__(self, policy: Any) -> None:
         self.policy = copy.deepcopy(policy)
-        try:
-            self._net: SmallNet | None = SmallNet(self.policy)
-        except Unsupported:
-            self._net = None
+        self._small = small(self.policy)
 
     def probabilities(self, obs: Any) -> np.ndarray:
         """Of each action, (A,); 0 for those that are not allowed."""
-        if self._net is not None:
-            return np.exp(log_softmax(mask_logits(self._net.act(obs), allowed_of(obs))))
+        if self._small is not None:
+            return self._small.probabilities(obs)
         return self._distribution(obs).probs[0].numpy()
 
     def gaussian(self, obs: Any) -> tuple[np.ndarray, np.ndarray]:
         """Means (A,) and standard deviations (A,)."""
-        if self._net is not None:
-            return self._net.act(obs), self._net.deviations()
+        if self._small is not None:
+            return self._small.gaussian(obs)
         distribution = self._distribution(obs)
         return distribution.mean[0].numpy().reshape(-1), distribution.stddev[0].numpy().reshape(-1)
 
