@@ -89,22 +89,28 @@ def vectoriser(extractor: nn.Module, space: spaces.Space) -> Callable[[Any], np.
     """
     if type(extractor) not in (FlattenExtractor, NormalisingExtractor):
         raise Unsupported
-    vector = _flattener(plain_space(space))
+    vector = flattener(plain_space(space))
     return _normalised(vector, extractor.normaliser) if isinstance(extractor, NormalisingExtractor) else vector
 
 
-def _flattener(space: spaces.Space) -> Callable[[Any], np.ndarray]:
+def flattener(space: spaces.Space) -> Callable[[Any], np.ndarray]:
+    """From an observation of what the client sends to a vector, (I,). Raises Unsupported."""
     if isinstance(space, spaces.Box) and space.dtype == np.float32:
         return lambda obs: _plain(obs).reshape(-1)
     if isinstance(space, spaces.Discrete) and space.n <= 4096:
         eye = np.eye(int(space.n), dtype=np.float32)
-        return lambda obs: eye[np.asarray(_plain(obs)).item()]
+        return lambda obs: eye[whole_number(obs)]
     raise Unsupported
 
 
 def _normalised(vector: Callable[[Any], np.ndarray], normaliser: Normaliser) -> Callable[[Any], np.ndarray]:
     mean, scale = normaliser.mean.numpy(), normaliser.scale.numpy()
     return lambda obs: (vector(obs) - mean) * scale
+
+
+def whole_number(obs: Any) -> int:
+    """What the client sent, where that is one."""
+    return np.asarray(_plain(obs)).item()
 
 
 def _plain(obs: Any) -> Any:

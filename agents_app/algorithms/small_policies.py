@@ -1,4 +1,4 @@
-"""Policies of the algorithms off the policy (DQN, QR-DQN, SAC, TQC, TD3, DDPG) with small networks, in NumPy (small_net.py).
+"""Policies of DQN, QR-DQN, BDPI, SAC, TQC, TD3 and DDPG with small networks, in NumPy (small_net.py).
 
 Each stands in for a policy, on the memory of its tensors: it answers what is asked at a step, a batch of one, and leaves all
 else to the policy. The arithmetic is that of explorers.py and advised_off_policy.py.
@@ -13,9 +13,22 @@ import numpy as np
 from stable_baselines3.sac.policies import LOG_STD_MAX, LOG_STD_MIN
 
 from agents_app.algorithms.advised_off_policy import epsilon_greedy
+from agents_app.algorithms.bdpi_policies import BDPIPolicy
 from agents_app.algorithms.explorers import EDGE, Noisy, Squashed, from_unit_bounds
-from agents_app.algorithms.masks import allowed_of, mask_logits
-from agents_app.algorithms.small_net import SmallNet, Unsupported, layers, run, vectoriser
+from agents_app.algorithms.masks import allowed_of, mask_logits, mix_allowed
+from agents_app.algorithms.riders import ADVICE
+from agents_app.algorithms.small_net import (
+    Layer,
+    SmallNet,
+    Unsupported,
+    draw,
+    flattener,
+    layers,
+    log_softmax,
+    run,
+    vectoriser,
+    whole_number,
+)
 
 
 class Small(Protocol):
@@ -67,6 +80,42 @@ class SmallValues(StandIn):
     def probabilities(self, obs: Any) -> np.ndarray:
         """As Small."""
         return self.chances(obs, float(self.policy.exploration))[0]
+
+
+class SmallDual(StandIn):
+    """BDPI: the one member of its actor."""
+
+    def __init__(self, policy: Any) -> None:
+        """Raises Unsupported."""
+        super().__init__(policy)
+        first, *others = (layer.detach()[0].numpy() for layer in policy.actor.layers)
+        vector = whole_number if policy.lookup else flattener(policy.observation_space)
+        self._enter = lambda obs: first[:-1][vector(obs)] if policy.lookup else vector(obs) @ first[:-1]
+        self._bias = first[-1]
+        self._layers: list[Layer] = [(layer[:-1].T, layer[-1], np.tanh) for layer in others]
+        self._layers[-1] = (*self._layers[-1][:2], None)
+
+    def logits(self, obs: Any) -> np.ndarray:
+        """Logarithms of the probabilities of the learner's own policy, (A,)."""
+        values = run(self._layers, np.tanh(self._enter(obs) + self._bias))
+        return log_softmax(mask_logits(values, allowed_of(obs)).reshape(-1))
+
+    def sample(self, obs: Any) -> np.ndarray:
+        """An action drawn from the mixed policy, (1,)."""
+        advice = obs.get(ADVICE) if isinstance(obs, dict) else None
+        mixed = mix_allowed(self.logits(obs), advice, self.policy.mixing, allowed_of(obs)).reshape(-1)
+        return np.array([draw(log_softmax(mixed))])
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
+    ) -> tuple[np.ndarray, None]:
+        """An action of the learner's own policy, (1,), as SB3's for a batch of one."""
+        logits = self.logits(observation)
+        return np.array([logits.argmax() if deterministic else draw(logits)]), None
+
+    def probabilities(self, obs: Any) -> np.ndarray:
+        """As Small."""
+        return np.exp(self.logits(obs))
 
 
 class SmallActions(StandIn):
@@ -141,6 +190,8 @@ def quickened(policy: Any) -> Any:
 def _kind(policy: Any) -> Callable[[Any], Small]:
     if hasattr(policy, "q_net") or hasattr(policy, "quantile_net"):
         return SmallValues
+    if isinstance(policy, BDPIPolicy):
+        return SmallDual
     actor = getattr(policy, "actor", None)
     if hasattr(actor, "latent_pi"):
         return SmallSquashed

@@ -12,6 +12,7 @@ from gymnasium import spaces
 from stable_baselines3.common.utils import obs_as_tensor
 
 from agents_app.algorithms.actor import batch
+from agents_app.algorithms.advice import with_advice
 from agents_app.algorithms.masks import with_mask
 from agents_app.algorithms.normalising import Normaliser
 from agents_app.algorithms.off_policy import OffPolicyActor
@@ -20,7 +21,7 @@ from agents_app.algorithms.spec import AgentSpec
 from tests.algorithms.building import built, some
 from tests.algorithms.specs import CONTINUOUS, DISCRETE, OBSERVATIONS, make_spec
 
-VALUES, ACTORS = ("DQN", "QR-DQN"), ("SAC", "TQC", "TD3", "DDPG")
+VALUES, ACTORS = ("DQN", "QR-DQN", "BDPI"), ("SAC", "TQC", "TD3", "DDPG")
 EVERY = pytest.mark.parametrize("name", [*VALUES, *ACTORS])
 NOISE = {"action_noise": "normal 0.2"}
 ALLOWED = np.array([True, False, True])
@@ -63,21 +64,11 @@ class TestTheSame:
     @pytest.mark.parametrize("kind", ["vector", "discrete"])
     def test_what_peers_hear(self, name: str, kind: str) -> None:
         policy, quick, observations = both(name, kind)
-        if name in VALUES:
+        if hasattr(policy, "exploration"):
             policy.exploration.fill_(0.3)
         for obs in observations:
             said = (quick.probabilities(obs),) if name in VALUES else quick.gaussian(obs)
             np.testing.assert_allclose(said, told(policy, obs), atol=1e-5)
-
-    def test_with_normalised_observations(self, name: str) -> None:
-        spec = spec_of(name)
-        model = built(replace(spec, parameters=spec.parameters | {"normalize_observations": True}))
-        normaliser: Normaliser = model.normaliser
-        quick = small(model.policy)
-        normaliser.observe(np.random.default_rng(1).normal(3.0, 5.0, (50, 3)))
-        for obs in some(spec.observations(), 20):
-            expected = model.policy.predict(batch(obs), deterministic=True)[0]
-            np.testing.assert_allclose(quick.predict(batch(obs), deterministic=True)[0], expected, atol=1e-5)
 
     def test_after_the_weights_have_changed(self, name: str) -> None:
         policy, quick, observations = both(name)
@@ -101,6 +92,18 @@ class TestTheSame:
             np.testing.assert_allclose(action, model.predict(obs, deterministic=True)[0], atol=1e-5)
 
 
+@pytest.mark.parametrize("name", ["DQN", "QR-DQN", *ACTORS])
+def test_with_normalised_observations(name: str) -> None:
+    spec = spec_of(name)
+    model = built(replace(spec, parameters=spec.parameters | {"normalize_observations": True}))
+    normaliser: Normaliser = model.normaliser
+    quick = small(model.policy)
+    normaliser.observe(np.random.default_rng(1).normal(3.0, 5.0, (50, 3)))
+    for obs in some(spec.observations(), 20):
+        expected = model.policy.predict(batch(obs), deterministic=True)[0]
+        np.testing.assert_allclose(quick.predict(batch(obs), deterministic=True)[0], expected, atol=1e-5)
+
+
 @pytest.mark.parametrize("name", ["SAC", "TQC"])
 def test_squashed_actions_are_drawn_from_the_same_distribution(name: str) -> None:
     policy, quick, (obs, *_) = both(name)
@@ -113,7 +116,7 @@ def test_squashed_actions_are_drawn_from_the_same_distribution(name: str) -> Non
     assert given.std(0) == pytest.approx(expected.std(0), rel=0.05)
 
 
-@pytest.mark.parametrize("name", VALUES)
+@pytest.mark.parametrize("name", ["DQN", "QR-DQN"])
 def test_forbidden_actions_have_no_chance(name: str) -> None:
     policy, quick, observations = both(name, action_masks=True)
     for obs in (with_mask(obs, ALLOWED, 3) for obs in observations):
@@ -124,6 +127,19 @@ def test_forbidden_actions_have_no_chance(name: str) -> None:
         )
 
 
+@pytest.mark.parametrize("method", ["intersection", "reuse"])
+def test_bdpi_draws_from_the_same_mixture(method: str) -> None:
+    policy, quick, (obs, *_) = both("BDPI", advice_method=method)
+    seen = batch(with_advice(with_mask(obs, ALLOWED, 3), np.array([0.1, 0.6, 0.3], np.float32)))
+    wide = {key: np.repeat(value, 4000, 0) for key, value in seen.items()}
+    np.random.seed(1)
+    th.manual_seed(1)
+    expected = np.bincount(policy.sample(wide), minlength=3)
+    given = np.bincount([quick.sample(seen)[0] for _ in range(4000)], minlength=3)
+    assert given / 4000 == pytest.approx(expected / 4000, abs=0.03)
+    assert given[1] == 0
+
+
 @pytest.mark.parametrize(
     "spec",
     [
@@ -131,7 +147,7 @@ def test_forbidden_actions_have_no_chance(name: str) -> None:
         spec_of("SAC", "dict"),
         spec_of("SAC", parameters={"use_sde": True}),
         make_spec("CrossQ", CONTINUOUS, advice_method="none"),
-        make_spec("BDPI", advice_method="none"),
+        spec_of("BDPI", "dict"),
     ],
     ids=["image", "dict", "gSDE", "CrossQ", "BDPI"],
 )
