@@ -7,8 +7,9 @@ ENV PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1 PIP_NO_CACHE_DIR=1 PIP_DISABLE_
 
 # The packages change seldom: a layer of their own. With --build-arg PIP_EXTRA_INDEX_URL=... pip finds PyTorch's CPU build.
 ARG PIP_EXTRA_INDEX_URL=
-COPY requirements.txt ./
-RUN pip install -r requirements.txt
+ARG REQUIREMENTS=requirements.txt
+COPY requirements.txt requirements-s3.txt ./
+RUN pip install -r $REQUIREMENTS
 
 COPY manage.py ./
 COPY shepherd shepherd

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
+from io import BytesIO
 from typing import Any, Protocol, TypedDict
 
 from django.conf import settings
@@ -62,7 +62,7 @@ class Fleet(Protocol):
         """The good saves of a run, newest first: name, execution (uid), steps, mean_return, size, created_at."""
         ...
 
-    def model_zip(self, run: Any) -> Path | None:
+    def model_zip(self, run: Any) -> BytesIO | None:
         """The newest model of a run as a stock Stable-Baselines3 ZIP, saved now if an execution is live; None: no save."""
         ...
 

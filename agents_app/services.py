@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterable, Iterator
 from datetime import timedelta
+from io import BytesIO
 from itertools import chain
-from pathlib import Path
 from typing import Any
 
 from django.core.exceptions import ValidationError
@@ -171,7 +171,7 @@ def revoke_key(key: APIKey) -> None:
     get_fleet().note_revoked()
 
 
-def model_zip(run: Run) -> Path | None:
+def model_zip(run: Run) -> BytesIO | None:
     """The newest model of a run as a ZIP that stock Stable-Baselines3 loads; None: no save. Raises ConnectionError."""
     return get_fleet().model_zip(run)
 

@@ -15,6 +15,7 @@ from agents_app.algorithms.registry import get_row
 from agents_app.algorithms.spec import AgentSpec
 from agents_app.checks_agent import NO_ADVICE
 from agents_app.models import Agent, Execution, Run
+from envs_app.saves import prefix_of
 from envs_app.transports.base import Address, Claim, Transport
 
 log = structlog.get_logger("shepherd.executions")
@@ -58,6 +59,7 @@ def execution_spec(agent: Agent, execution: Execution) -> dict[str, Any]:
         "uid": str(execution.uid),
         "number": execution.number,
         "run": execution.run_id,
+        "saves": prefix_of(execution.run),
         "agent_id": str(agent.pk),
         "agent": agent_spec(agent, parameters).to_dict(),
         "learning": agent.enable_learning,
@@ -74,7 +76,7 @@ def execution_spec(agent: Agent, execution: Execution) -> dict[str, Any]:
 
 
 def advisor_spec(agent: Agent) -> dict[str, Any] | None:
-    """envs_app.execution.frozen.FrozenSpec as a dictionary, but for the folder, of which the transport knows."""
+    """envs_app.execution.frozen.FrozenSpec as a dictionary."""
     advisor = agent.advisor
     if advisor is None or agent.advice_method == NO_ADVICE:
         return None
@@ -83,7 +85,7 @@ def advisor_spec(agent: Agent) -> dict[str, Any] | None:
         return None
     run = advisor.current_run()
     spec = agent_spec(advisor, advisor.parameters()).to_dict()
-    return {"name": advisor.name, "agent": spec, "rule": agent.advisor_save, "saves": [str(advisor.pk), run.pk]}
+    return {"name": advisor.name, "agent": spec, "rule": agent.advisor_save, "saves": prefix_of(run)}
 
 
 def places(agent: Agent) -> int:

@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import time
 from datetime import UTC, datetime
-from pathlib import Path
+from io import BytesIO
 from typing import Any, cast
-
-from django.conf import settings
 
 from agents_app.fleet import ExecutionStatus
 from agents_app.models import Agent, Run, Save
-from envs_app.execution.saves import MODEL, SaveStore
+from envs_app.execution.saves import SaveMeta
+from envs_app.saves import saves_of
 from envs_app.sessions import handles
 from envs_app.transports.choice import get_transport
-from envs_app.transports.local.places import Places
 
 SAVE_SECONDS = 3.0  # how long a download waits for a save that is newer
 PAUSE_SECONDS = 0.05
 
 
 class TransportFleet:
-    """Asks the transport; the saves lie in the data folder."""
+    """Asks the transport; and the storage of saves."""
 
     def status(self, agent_id: str) -> list[ExecutionStatus]:
         """The live executions of an agent, by number."""
@@ -47,35 +45,25 @@ class TransportFleet:
 
     def saves(self, run: Run) -> list[dict[str, Any]]:
         """The readable saves of a run, newest first."""
-        store = saves_of(run)
-        return [
-            {
-                "name": name,
-                "execution": meta.execution,
-                "steps": meta.steps,
-                "mean_return": meta.mean_return,
-                "size": _size(store.folder / name),
-                "created_at": datetime.fromtimestamp(meta.created_at, UTC),
-            }
-            for name, meta in store.metas()
-        ]
+        with saves_of(run) as store:
+            return [_described(name, meta, store.size(name)) for name, meta in store.metas()]
 
-    def model_zip(self, run: Run) -> Path | None:
+    def model_zip(self, run: Run) -> BytesIO | None:
         """The newest good model of a run; executions that are live save first, if their learners can in time."""
-        store = saves_of(run)
         if self._ask_to_save(run):
             deadline = time.monotonic() + SAVE_SECONDS
             while self._is_saving(run) and time.monotonic() < deadline:
                 time.sleep(PAUSE_SECONDS)
-        chosen = store.choose("latest")
-        return None if chosen is None else store.folder / chosen[0] / MODEL
+        with saves_of(run) as store:
+            chosen = store.choose("latest")
+        return None if chosen is None else chosen.model
 
     def delete_saves(self, run: Run) -> int:
         """Delete all saves of a run, and their rows."""
-        store = saves_of(run)
-        names = store.names()
-        for name in names:
-            store.delete(name)
+        with saves_of(run) as store:
+            names = store.names()
+            for name in names:
+                store.delete(name)
         Save.objects.filter(run=run).delete()
         return len(names)
 
@@ -91,10 +79,6 @@ class TransportFleet:
             return 0  # nothing runs: what is saved is what there is
 
 
-def saves_of(run: Run) -> SaveStore:
-    """The saves of a run."""
-    return SaveStore(Places(settings.DATA_DIR).saves(str(run.agent_id), run.pk))
-
-
-def _size(folder: Path) -> int:
-    return sum(path.stat().st_size for path in folder.glob("*"))
+def _described(name: str, meta: SaveMeta, size: int) -> dict[str, Any]:
+    facts = {"name": name, "execution": meta.execution, "steps": meta.steps, "mean_return": meta.mean_return}
+    return facts | {"size": size, "created_at": datetime.fromtimestamp(meta.created_at, UTC)}

@@ -57,8 +57,8 @@ class Keeper:
         with transaction.atomic():
             for event in events:
                 write_event(event)
-            for run in Run.objects.filter(pk__in={event["run"] for event in events if event["k"] == "saved"}):
-                sync_saves(run)
+        for run in Run.objects.filter(pk__in={event["run"] for event in events if event["k"] == "saved"}):
+            sync_saves(run)
         self.read = events[-1]["id"]
 
 
@@ -79,14 +79,19 @@ def write_event(event: dict[str, Any]) -> None:
 
 
 def sync_saves(run: Run) -> None:
-    """Have the rows of a run's saves say what the folder holds."""
-    found = {save["name"]: save for save in TransportFleet().saves(run)}
-    Save.objects.filter(run=run).exclude(name__in=found).delete()
-    known = set(Save.objects.filter(run=run).values_list("name", flat=True))
-    for name in found.keys() - known:
-        save = found[name]
-        fields = {key: save[key] for key in ("steps", "mean_return", "size", "created_at")}
-        Save.objects.create(run=run, name=name, execution_uid=save["execution"], **fields)
+    """Have the rows of a run's saves say what the storage holds; one that cannot be reached is asked after the next save."""
+    try:
+        found = {save["name"]: save for save in TransportFleet().saves(run)}
+    except ConnectionError as error:
+        log.warning("the catalogue of saves is not up to date", run=run.pk, error=str(error))
+        return
+    with transaction.atomic():
+        Save.objects.filter(run=run).exclude(name__in=found).delete()
+        known = set(Save.objects.filter(run=run).values_list("name", flat=True))
+        for name in found.keys() - known:
+            save = found[name]
+            fields = {key: save[key] for key in ("steps", "mean_return", "size", "created_at")}
+            Save.objects.create(run=run, name=name, execution_uid=save["execution"], **fields)
 
 
 def note_lost(live: list[dict[str, Any]]) -> None:

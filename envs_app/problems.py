@@ -68,7 +68,7 @@ TRANSLATIONS: tuple[tuple[Any, Callable[[Any], ShepherdError]], ...] = (
     ),
     (
         (ConnectionError, TimeoutError, BlockingIOError),
-        lambda error: Unavailable("The executions cannot be reached now; repeat the request."),
+        lambda error: Unavailable("The executions, or what they saved, cannot be reached now; repeat the request."),
     ),
     ((Http404, exceptions.NotFound), lambda error: NotFound(_sentence(error, "There is nothing at this address."))),
     (exceptions.MethodNotAllowed, lambda error: MethodNotAllowed(str(error.detail))),

@@ -7,7 +7,10 @@ from typing import Any
 
 from django.conf import settings
 from django.core.checks import CheckMessage, Error, Warning, register
+from django.core.files.storage import storages
 from django.db import connection
+
+from shepherd.env import FOLDER
 
 
 @register()
@@ -37,6 +40,28 @@ def check_scale(**_: Any) -> list[CheckMessage]:
         text = "Executions run on any machine, but the database is a file of this one."
         found.append(Warning(text, hint="Set DATABASE_URL to a PostgreSQL.", id="shepherd.W003"))
     return found
+
+
+@register()
+def check_saves(**_: Any) -> list[CheckMessage]:
+    """The storage of saves is there, and executions reach it. Whether it answers, the first save shows."""
+    found: list[CheckMessage] = []
+    if settings.TRANSPORT == "local" and folder_of_saves() != str(Path(settings.DATA_DIR) / "saves"):
+        text = "Executions of the embedded set-up save in the data folder, and elsewhere nobody looks."
+        hint = "Leave SHEPHERD_SAVES and SHEPHERD_SAVES_OPTIONS away, or set REDIS_URL."
+        found.append(Error(text, hint=hint, id="shepherd.E003"))
+    try:
+        storages["saves"]
+    except Exception as error:  # whatever its library raises
+        hint = "Set SHEPHERD_SAVES to a class of an installed package, and SHEPHERD_SAVES_OPTIONS to what it takes."
+        found.append(Error(f"The storage of saves cannot be used: {error}", hint=hint, id="shepherd.E004"))
+    return found
+
+
+def folder_of_saves() -> str:
+    """The folder of saves; empty: they are elsewhere."""
+    saves = settings.STORAGES["saves"]
+    return saves["OPTIONS"].get("location", "") if saves["BACKEND"] == FOLDER else ""
 
 
 @register(deploy=True)

@@ -1,5 +1,6 @@
 """Reading settings from the environment, strictly: a value that does not parse stops the start with its name."""
 
+import json
 import os
 import secrets
 from pathlib import Path
@@ -9,6 +10,7 @@ from urllib.parse import urlsplit
 import dj_database_url
 from django.core.exceptions import ImproperlyConfigured
 
+FOLDER = "envs_app.execution.storage.Folder"  # without Django, for embedded executions
 TRUE, FALSE = {"1", "true", "yes", "on"}, {"0", "false", "no", "off", ""}
 
 
@@ -100,6 +102,24 @@ def cache(redis_url: str) -> dict[str, Any]:
     options = {"socket_timeout": 2.0, "socket_connect_timeout": 2.0}
     backend = "django.core.cache.backends.redis.RedisCache"
     return {"BACKEND": backend, "LOCATION": redis_url, "KEY_PREFIX": "shepherd:cache", "OPTIONS": options}
+
+
+def options(name: str) -> dict[str, Any]:
+    """The variable (or its file) as a JSON object; none: empty. Raises ImproperlyConfigured if it is no object."""
+    try:
+        value = json.loads(confidential(name) or "{}")
+    except ValueError:
+        value = None
+    if not isinstance(value, dict):
+        raise ImproperlyConfigured(f'{name} cannot be read: write it like {{"bucket_name": "saves"}}.')
+    return value
+
+
+def storage(name: str, options: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Django's settings of a storage: the class that the variable names; without it, a folder of this machine."""
+    if backend := os.environ.get(name):
+        return {"BACKEND": backend, "OPTIONS": options}
+    return {"BACKEND": FOLDER, "OPTIONS": {"location": str(folder)} | options}
 
 
 def secret(name: str, folder: Path) -> str:

@@ -84,6 +84,12 @@ DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
 REDIS_URL = env.redis("REDIS_URL")
 CACHES = {"default": env.cache(REDIS_URL)}
 
+STORAGES = {
+    "default": {"BACKEND": "django.core.files.storage.FileSystemStorage"},
+    "staticfiles": {"BACKEND": "django.contrib.staticfiles.storage.StaticFilesStorage"},
+    "saves": env.storage("SHEPHERD_SAVES", env.options("SHEPHERD_SAVES_OPTIONS"), DATA_DIR / "saves"),
+}
+
 AUTH_USER_MODEL = "agents_app.User"
 LANGUAGE_CODE = "en-us"
 TIME_ZONE = "UTC"

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from shepherd import env
 from tests import databases
 from tests.servers import SETTINGS, Server, running_server
 from tests.services import PostgresServer, RedisServer, fresh_database, running
@@ -67,6 +68,8 @@ def _data_folder(request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """Keep tests inside this process away from the developer's own data folder."""
     settings: Any = request.getfixturevalue("settings")
     settings.DATA_DIR = tmp_path / "data"
+    saves = env.storage("", {}, settings.DATA_DIR / "saves")
+    settings.STORAGES = settings.STORAGES | {"saves": saves}
     settings.STATIC_ROOT, settings.LOG_DIR = settings.DATA_DIR / "static", settings.DATA_DIR / "logs"
 
 

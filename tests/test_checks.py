@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from shepherd import checks
+from shepherd.env import storage
 from tests.servers import PROJECT
 
 
@@ -42,6 +43,30 @@ def test_executions_idle_before_they_can_be_reclaimed_are_a_warning(settings: An
     assert ids(checks.check_times()) == ["shepherd.W001"]
 
 
+@pytest.mark.parametrize(
+    "saves",
+    [
+        {"BACKEND": "tests.storages.Pathless", "OPTIONS": {"location": "/nowhere"}},
+        storage("", {"location": "/mnt"}, Path()),
+    ],
+)
+def test_embedded_executions_save_in_the_data_folder(settings: Any, saves: dict[str, Any]) -> None:
+    assert checks.check_saves() == []
+    settings.STORAGES = settings.STORAGES | {"saves": saves}
+    assert ids(checks.check_saves()) == ["shepherd.E003"]
+    settings.TRANSPORT = "redis"
+    assert checks.check_saves() == []
+
+
+@pytest.mark.parametrize(
+    ("backend", "options"), [("storages.Missing", {}), ("tests.storages.Pathless", {"bucket": "a"})]
+)
+def test_a_storage_of_saves_that_cannot_be_made_is_said(settings: Any, backend: str, options: dict[str, Any]) -> None:
+    settings.TRANSPORT = "redis"
+    settings.STORAGES = settings.STORAGES | {"saves": {"BACKEND": backend, "OPTIONS": options}}
+    assert ids(checks.check_saves()) == ["shepherd.E004"]
+
+
 def test_secrets_that_others_can_read_are_a_warning(settings: Any) -> None:
     secret = settings.DATA_DIR / "secrets" / "shepherd_secret_key"
     secret.parent.mkdir(parents=True)
@@ -65,6 +90,10 @@ def test_the_deployment_check_is_clean_behind_tls(tmp_path: Path) -> None:
         (
             {"DATABASE_URL": "nonsense"},
             "DATABASE_URL cannot be read: write it like postgres://user:password@host/name.",
+        ),
+        (
+            {"SHEPHERD_SAVES_OPTIONS": "shepherd"},
+            'SHEPHERD_SAVES_OPTIONS cannot be read: write it like {"bucket_name": "saves"}.',
         ),
         ({"SHEPHERD_TLS": "perhaps"}, "SHEPHERD_TLS is 'perhaps': write 1 or 0."),
         ({"SHEPHERD_DATA": "/proc/shepherd"}, "set SHEPHERD_DATA to a folder of yours that has free space."),

@@ -15,6 +15,7 @@ from tests.servers import PROJECT
 
 READ = re.compile(r"""(?:env\.\w+|environ(?:\.get)?|getenv)[(\[]\s*["']([A-Z][A-Z_]+)["']""")
 NOT_OURS = {"CI", "DJANGO_SETTINGS_MODULE", "PROMETHEUS_MULTIPROC_DIR"}
+REQUIREMENTS = ("requirements.txt", "requirements-s3.txt", "requirements-dev.txt")
 SERVE = "envs_app/management/commands/serve.py"
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[\w-]*)?\)")
 
@@ -89,7 +90,8 @@ def test_no_link_leads_nowhere(page: Path) -> None:
 
 
 def test_the_readme_has_every_dependency_and_why() -> None:
-    wanted = re.findall(r"^([\w-]+)", text_of("requirements.txt"), flags=re.MULTILINE)
+    wanted = re.findall(r"^([\w-]+)", text_of("requirements.txt") + text_of("requirements-s3.txt"), flags=re.MULTILINE)
+    wanted = [name for name in wanted if name[0] != "-"]
     reasons = (
         text_of("README.md")
         .split("## Why each dependency")[1]
@@ -100,7 +102,7 @@ def test_the_readme_has_every_dependency_and_why() -> None:
 
 
 def test_every_requirement_is_pinned() -> None:
-    lines = [line for name in ("requirements.txt", "requirements-dev.txt") for line in text_of(name).splitlines()]
+    lines = [line for name in REQUIREMENTS for line in text_of(name).splitlines()]
     assert [line for line in lines if line and line[0] not in "#-" and "==" not in line] == []
 
 

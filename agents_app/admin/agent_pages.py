@@ -173,7 +173,7 @@ class AgentPages:
             return back(request, agent, f"The executions cannot be reached: {error}")
         if found is None:
             return back(request, agent, "There is no model yet: one is saved when an execution has learned something.")
-        return FileResponse(found.open("rb"), as_attachment=True, filename=file_name(run, "zip"))
+        return FileResponse(found, as_attachment=True, filename=file_name(run, "zip"))
 
     def action_view(self, request: HttpRequest, object_id: str, name: str) -> HttpResponse:
         """GET asks, POST does."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from io import BytesIO
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -149,7 +150,7 @@ def _noise(text: str, spec: AgentSpec) -> ActionNoise | None:
     raise ValueError(f"action_noise is {text!r}: write 'normal 0.1', 'ou 0.1' or nothing.")
 
 
-def export(algorithm: Any, spec: AgentSpec, path: Path) -> None:
+def export(algorithm: Any, spec: AgentSpec, path: Path | BytesIO) -> None:
     """Write the model as the ZIP that the stock class's own `save` would write.
 
     No class of Shepherd is needed to load it, but for the algorithms that Stable-Baselines3 does not have.
@@ -175,7 +176,7 @@ def export(algorithm: Any, spec: AgentSpec, path: Path) -> None:
         normalising.write_beside(path, algorithm)
 
 
-def restore(algorithm: Any, path: Path) -> None:
+def restore(algorithm: Any, path: Path | BytesIO) -> None:
     """Take weights and optimisers from such a ZIP. Its pickled part is never read. Raises when the networks differ."""
     loaded: Any = load_from_zip_file(path, device="cpu", load_data=False)
     _, params, variables = loaded

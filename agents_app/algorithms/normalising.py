@@ -128,7 +128,7 @@ def first_layers(policy: nn.Module) -> list[str]:
     return [f"{name}.0" for name, stack in stacks if len(stack) and isinstance(stack[0], nn.Linear)]
 
 
-def write_beside(path: Path, algorithm: Any) -> None:
+def write_beside(path: Path | io.BytesIO, algorithm: Any) -> None:
     """Add to a saved ZIP what its folded network no longer tells; stock SB3 does not look at it."""
     state = algorithm.policy.state_dict()
     names = [f"{layer}.{kind}" for layer in first_layers(algorithm.policy) for kind in ("weight", "bias")]
@@ -139,7 +139,7 @@ def write_beside(path: Path, algorithm: Any) -> None:
         archive.writestr(MEMBER, file.getvalue())
 
 
-def read_beside(path: Path, algorithm: Any, state: dict[str, th.Tensor]) -> None:
+def read_beside(path: Path | io.BytesIO, algorithm: Any, state: dict[str, th.Tensor]) -> None:
     """Take the statistics back, and put into `state` what the folding replaced. A save without them is taken as it is."""
     with zipfile.ZipFile(path) as archive:
         if MEMBER not in archive.namelist():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -16,6 +15,7 @@ from agents_app.algorithms.mixing import INTERSECTION
 from agents_app.algorithms.registry import get_row
 from agents_app.algorithms.spec import AgentSpec
 from envs_app.execution.saves import SaveStore
+from envs_app.execution.storage import Storage
 
 
 class NoAdvisor(RuntimeError):
@@ -28,7 +28,7 @@ class FrozenSpec:
 
     name: str
     agent: AgentSpec
-    saves: str  # folder of its run's saves
+    saves: str  # where its run's saves are in the storage
     rule: str = "latest"  # which of them: or "best"
 
     @classmethod
@@ -46,25 +46,23 @@ class Frozen:
     mean_return: float | None
 
 
-def load(spec: FrozenSpec, learner: AgentSpec) -> Frozen:
+def load(spec: FrozenSpec, learner: AgentSpec, storage: Storage) -> Frozen:
     """The advisor for a learner, in this process. Draws no random number that others see. Raises NoAdvisor."""
     if not get_row(spec.agent.algorithm).advice:
         raise NoAdvisor(f"{spec.agent.algorithm} gives no probabilities to advise with")
     if (spec.agent.actions(), spec.agent.observations()) != (learner.actions(), learner.observations()):
         raise NoAdvisor("its actions or observations are others now")
-    store = SaveStore(Path(spec.saves))
-    if (chosen := store.choose(spec.rule)) is None:
+    if (chosen := SaveStore(storage, spec.saves).choose(spec.rule)) is None:
         raise NoAdvisor("it has no save yet")
-    name, meta = chosen
     try:
         with th.random.fork_rng(devices=[]):
             algorithm = _build(spec.agent)
-            builder.restore(algorithm, store.model(name))
-            for key, value in meta.extra.items():
+            builder.restore(algorithm, chosen.model)
+            for key, value in chosen.meta.extra.items():
                 setattr(algorithm, key, value)
-            return Frozen(spec.name, advising_policy(algorithm), meta.mean_return)
+            return Frozen(spec.name, advising_policy(algorithm), chosen.meta.mean_return)
     except Exception as error:
-        raise NoAdvisor(f"its save {name} cannot be loaded: {error}") from error
+        raise NoAdvisor(f"its save {chosen.name} cannot be loaded: {error}") from error
 
 
 def _build(agent: AgentSpec) -> Any:

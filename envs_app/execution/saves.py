@@ -1,24 +1,26 @@
-"""Saves: the checkpoints of a run, a folder each. The file system is the truth; the database only lists them.
+"""Saves: the checkpoints of a run, in any storage. The storage is the truth; the database only lists them.
 
-A save is written under a name that no reader looks at, flushed to the disk, and renamed; a reader checks the model's SHA-256.
-So a save that was cut in half, or half-way through a full disk, is never used: the next older good one is.
+A save is two files, a model and its description with the model's SHA-256, and the description is written last: it makes the save.
+So one that was cut in half, or half-way through a full disk, is never used: the next older good one is. Nothing else is
+asked of a storage, no renaming and no locks, so that a bucket does as well as a folder.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import os
-import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
-from typing import Any
+from io import BytesIO
+from typing import Any, NamedTuple
+
+from envs_app.execution.storage import Storage
 
 MODEL, META = "model.zip", "meta.json"
 LITTER_SECONDS = 600.0
+MOST = 50  # saves of a run
 
 
 @dataclass
@@ -37,43 +39,48 @@ class SaveMeta:
     sha256: str = ""
 
 
+class Chosen(NamedTuple):
+    """A good save."""
+
+    name: str
+    meta: SaveMeta
+    model: BytesIO
+
+
 class SaveStore:
-    """The saves of one run."""
+    """The saves of one run: what lies below `prefix` in a storage."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, storage: Storage, prefix: str) -> None:
+        self.storage, self.prefix = storage, prefix
+        self._metas: dict[str, SaveMeta] = {}  # they never change, and a storage may be far away
 
-    def write(self, meta: SaveMeta, write_model: Callable[[Path], None]) -> str:
-        """Make a save, atomically; returns its name. Raises OSError when the disk is full or the folder not writable."""
-        meta.created_at = time.time()
+    def write(self, meta: SaveMeta, write_model: Callable[[BytesIO], None]) -> str:
+        """Make a save, atomically; returns its name. Raises OSError (disk full, folder not writable) or the storage's own."""
+        model = BytesIO()
+        write_model(model)
+        meta.created_at, meta.sha256 = time.time(), _digest(model)
         name = f"{meta.created_at:017.6f}-{meta.execution[:8]}-{meta.steps}"
-        partial = self.folder / f".{name}"
         try:
-            partial.mkdir(parents=True)
-            write_model(partial / MODEL)
-            meta.sha256 = _digest(partial / MODEL)
-            (partial / META).write_text(json.dumps(asdict(meta)))
-            for path in (partial / MODEL, partial / META, partial):
-                _flush(path)
-            partial.rename(self.folder / name)
-            _flush(self.folder)
+            self.storage.save(self._path(name, MODEL), model)
+            self.storage.save(self._path(name, META), BytesIO(json.dumps(asdict(meta)).encode()))
         except BaseException:
-            shutil.rmtree(partial, ignore_errors=True)
+            with suppress(Exception):  # what made it fail counts
+                self.delete(name)
             raise
         return name
 
     def names(self) -> list[str]:
-        """The names of the saves, newest first; not yet checked."""
-        if not self.folder.is_dir():
-            return []
-        return sorted((p.name for p in self.folder.iterdir() if not p.name.startswith(".")), reverse=True)
+        """The names of the saves, newest first; not yet checked, nor known to be whole."""
+        return sorted((name for name in self._list("")[0] if not name.startswith(".")), reverse=True)
 
     def meta(self, name: str) -> SaveMeta | None:
-        """What a save says of itself; None when it is damaged."""
-        try:
-            return SaveMeta(**json.loads((self.folder / name / META).read_text()))
-        except (OSError, ValueError, TypeError):
-            return None
+        """What a save says of itself; None when it is damaged, or not whole."""
+        if name not in self._metas:
+            try:
+                self._metas[name] = SaveMeta(**json.loads(self._read(name, META)))
+            except (OSError, ValueError, TypeError):
+                return None
+        return self._metas[name]
 
     def metas(self) -> Iterator[tuple[str, SaveMeta]]:
         """The saves whose description can be read, newest first."""
@@ -81,62 +88,71 @@ class SaveStore:
             if meta := self.meta(name):
                 yield name, meta
 
-    def model(self, name: str) -> Path:
-        """The model of a save."""
-        return self.folder / name / MODEL
+    def size(self, name: str) -> int:
+        """Bytes of its model; 0 when it has just gone."""
+        with suppress(FileNotFoundError):
+            return self.storage.size(self._path(name, MODEL))
+        return 0
 
-    def choose(self, rule: str) -> tuple[str, SaveMeta] | None:
+    def choose(self, rule: str) -> Chosen | None:
         """The newest good save, or with rule 'best' the good one with the highest recent mean return."""
-        saves = list(self.metas())
+        saves = self.metas()
         if rule == "best":
-            saves.sort(
-                key=lambda save: -float("inf") if save[1].mean_return is None else save[1].mean_return, reverse=True
-            )
-        return next((save for save in saves if self._is_good(*save)), None)
+            saves = iter(sorted(saves, key=lambda save: _merit(save[1]), reverse=True))
+        return next((good for save in saves if (good := self._checked(*save))), None)
 
-    def _is_good(self, name: str, meta: SaveMeta) -> bool:
+    def _checked(self, name: str, meta: SaveMeta) -> Chosen | None:
         try:
-            return _digest(self.model(name)) == meta.sha256
+            model = BytesIO(self._read(name, MODEL))
         except OSError:
-            return False
+            return None
+        return Chosen(name, meta, model) if _digest(model) == meta.sha256 else None
 
     def prune(self, kept: int) -> None:
         """Keep the newest `kept` saves of each execution's last, 50 in all, and always the best one."""
         saves = list(self.metas())
         scored = [save for save in saves if save[1].mean_return is not None]
-        best = max(scored, key=lambda save: save[1].mean_return or 0.0)[0] if scored else None
+        best = max(scored, key=lambda save: _merit(save[1]))[0] if scored else None
         counts: dict[str, int] = {}
         for index, (name, meta) in enumerate(saves):
             counts[meta.execution] = counts.get(meta.execution, 0) + 1
-            if name != best and (counts[meta.execution] > kept or index >= max(kept, 50)):
+            if name != best and (counts[meta.execution] > kept or index >= max(kept, MOST)):
                 self.delete(name)
         self._clear_litter()
 
     def _clear_litter(self) -> None:
-        """Remove what processes left that died while they wrote; another process may do so at the same time."""
-        for litter in self.folder.glob(".*"):
-            with suppress(FileNotFoundError):
-                if time.time() - litter.stat().st_mtime > LITTER_SECONDS:
-                    shutil.rmtree(litter, ignore_errors=True)
+        """Remove what processes left that died while they wrote; a save's name begins with its time."""
+        for name in self.names():
+            with suppress(ValueError):
+                old = time.time() - float(name.partition("-")[0]) > LITTER_SECONDS
+                if old and self.meta(name) is None and META not in self._list(name)[1]:
+                    self.delete(name)
 
     def delete(self, name: str) -> None:
-        """Remove a save; out of sight first, so that nobody reads half of it."""
-        hidden = self.folder / f".{name}.deleted"
+        """Remove a save: first what makes it one, so that nobody reads half of it. Another process may do the same."""
+        self._metas.pop(name, None)
+        self.storage.delete(self._path(name, META))
+        for file in self._list(name)[1]:
+            self.storage.delete(self._path(name, file))
+        self.storage.delete(self._path(name))
+
+    def _path(self, *parts: str) -> str:
+        return "/".join((self.prefix, *parts))
+
+    def _list(self, name: str) -> tuple[list[str], list[str]]:
         try:
-            (self.folder / name).rename(hidden)
-        except OSError:
-            return  # somebody else was quicker
-        shutil.rmtree(hidden, ignore_errors=True)
+            return self.storage.listdir(self._path(name) if name else self.prefix)
+        except (FileNotFoundError, NotADirectoryError):
+            return [], []
+
+    def _read(self, name: str, file: str) -> bytes:
+        with self.storage.open(self._path(name, file)) as opened:
+            return opened.read()
 
 
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+def _merit(meta: SaveMeta) -> float:
+    return -float("inf") if meta.mean_return is None else meta.mean_return
 
 
-def _flush(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+def _digest(model: BytesIO) -> str:
+    return hashlib.sha256(model.getbuffer()).hexdigest()

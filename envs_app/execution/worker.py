@@ -32,6 +32,7 @@ from envs_app.execution.frozen import Frozen, FrozenSpec, NoAdvisor, load
 from envs_app.execution.lane import Lane
 from envs_app.execution.learner import Learner
 from envs_app.execution.saves import SaveMeta, SaveStore
+from envs_app.execution.storage import Storage
 from envs_app.execution.turns import Turns, cores
 
 PACE_SECONDS, BRAKE_SECONDS = (
@@ -51,7 +52,7 @@ class ExecutionSpec:
     run: int
     agent_id: str
     agent: AgentSpec
-    saves: str  # folder of the run's saves
+    saves: str  # where the run's saves are in the storage
     turns: str = ""  # folder of the machine's turns for long updates; empty: everybody trains at will
     learning: bool = True
     start_from: str = "latest"
@@ -91,13 +92,13 @@ class Worker:
     def __init__(
         self,
         spec: ExecutionSpec,
+        storage: Storage,
         peers: Peers,
         publish: Callable[[np.ndarray], None],
         wake: Callable[[], None],
         report: Callable[[dict[str, Any]], None],
-        store: SaveStore | None = None,
     ) -> None:
-        """`publish`, `wake` and `report` are called from the learner's thread. `store`: elsewhere than `spec.saves`."""
+        """`publish`, `wake` and `report` are called from the learner's thread."""
         self.spec, self.counters = spec, Counters()
         self.learning = spec.learning
         self.client_space = parse_space(spec.agent.observation_space)
@@ -111,7 +112,7 @@ class Worker:
         self.direct = isinstance(self.feed, LiveFeed)
         self.masked = builder.is_masked(spec.agent)
         self.algorithm = builder.build(spec.agent, self._environment(), seed)
-        self.store = store or SaveStore(Path(spec.saves))
+        self.storage, self.store = storage, SaveStore(storage, spec.saves)
         self._restore()
         self.actor = family.make_actor(self.algorithm)
         self.allowed_lead = family.allowed_lead(self.algorithm)
@@ -222,9 +223,9 @@ class Worker:
         """Go on from a save of the run: weights, optimisers, counters. A save that does not fit is passed over, and said."""
         if (chosen := self.store.choose(self.spec.start_from)) is None:
             return
-        name, meta = chosen
+        name, meta, model = chosen
         try:
-            builder.restore(self.algorithm, self.store.model(name))
+            builder.restore(self.algorithm, model)
         except Exception:
             self._report({"k": "error", "summary": f"save {name} does not fit", "traceback": traceback.format_exc()})
             return
@@ -241,7 +242,7 @@ class Worker:
         if self.spec.advisor is None:
             return None
         try:
-            return load(self.spec.advisor, self.spec.agent)
+            return load(self.spec.advisor, self.spec.agent, self.storage)
         except NoAdvisor as error:
             summary = f"{self.spec.advisor.name} does not advise: {error}"
             self._report({"k": "error", "summary": summary, "traceback": traceback.format_exc()})
@@ -275,7 +276,7 @@ class Worker:
             extra={"exploration_rate": algorithm.exploration_rate} if hasattr(algorithm, "exploration_rate") else {},
         )
         try:
-            name = self.store.write(meta, lambda path: builder.export(algorithm, self.spec.agent, path))
+            name = self.store.write(meta, lambda model: builder.export(algorithm, self.spec.agent, model))
             self.store.prune(self.spec.saves_kept)
             self.save_error = ""
             self._report({"k": "saved", "name": name})

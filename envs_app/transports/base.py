@@ -49,10 +49,7 @@ class Transport(ABC):
 
     @abstractmethod
     def launch(self, claim: Claim, spec: dict[str, Any], max_percent_cpu: int, exclude: Iterable[str] = ()) -> Address:
-        """Start an execution for the session (execution.worker.ExecutionSpec as a dictionary). Raises NoCapacity.
-
-        The transport adds where the saves of the run are, and in place of agent and run, those of `advisor`.
-        """
+        """Start an execution for the session (execution.worker.ExecutionSpec as a dictionary). Raises NoCapacity."""
 
     @abstractmethod
     def call(self, address: Address, message: Message, timeout: float) -> Message:

@@ -18,7 +18,7 @@ import numpy as np
 from envs_app.execution.advisors import Peers
 from envs_app.execution.desk import Desk
 from envs_app.execution.ledger import Ledger
-from envs_app.execution.saves import SaveStore
+from envs_app.execution.storage import Storage
 from envs_app.execution.worker import ExecutionSpec, Worker
 from envs_app.messages import Message
 
@@ -77,6 +77,10 @@ class ExecutionLoop(ABC):
         """Register what steps and control messages come by."""
 
     @abstractmethod
+    def make_storage(self) -> Storage:
+        """Where saves are."""
+
+    @abstractmethod
     def make_ledger(self) -> Ledger:
         """Where the states of its sessions are kept; the worker is there."""
 
@@ -99,13 +103,9 @@ class ExecutionLoop(ABC):
     def tend(self) -> None:  # noqa: B027 - most have nothing to tend
         """Once in each turn of the loop."""
 
-    def make_store(self) -> SaveStore | None:
-        """Where its saves are; None: the folder that its specification names."""
-        return None
-
     # --- the loop ---
     def _begin(self) -> None:
-        self.worker = Worker(self.spec, self.peers, self._publish, self.wake, self.report, self.make_store())
+        self.worker = Worker(self.spec, self.make_storage(), self.peers, self._publish, self.wake, self.report)
         self.desk = Desk(self.worker, self.make_ledger(), self.answer, self.report)
         self.selector.register(self.wake_reader, selectors.EVENT_READ, self._woken)
         self.open_ways()

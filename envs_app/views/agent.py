@@ -82,11 +82,10 @@ class ModelView(ManageView):
     def get(self, request: Request) -> FileResponse:
         """The newest model of a run, as a ZIP that stock Stable-Baselines3 loads."""
         run = _find_run(request)
-        path = services.model_zip(run)
-        if path is None or not path.exists():
+        if (model := services.model_zip(run)) is None:
             raise NotFound(f"Run {run.number} has no save yet; the first one is made after some learning.")
         name = f"{slugify(run.agent.name) or 'agent'}-run-{run.number}.zip"
-        return FileResponse(path.open("rb"), as_attachment=True, filename=name, content_type="application/zip")
+        return FileResponse(model, as_attachment=True, filename=name, content_type="application/zip")
 
 
 def _find_run(request: Request) -> Run:

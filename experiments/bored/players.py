@@ -14,6 +14,7 @@ from mabwiser.mab import MAB, LearningPolicy
 from agents_app.algorithms.spec import AgentSpec
 from envs_app.execution.desk import Desk
 from envs_app.execution.ledger import FileLedger
+from envs_app.execution.storage import Folder
 from envs_app.execution.worker import ExecutionSpec, Worker
 from envs_app.messages import Message, encode_observation
 from experiments.bored.city import Suggestion
@@ -170,12 +171,13 @@ class Shepherd:
             1,
             "bored",
             agent,
-            str(folder / "saves"),
+            "bored/1",
             sessions=10_000,
             seed=seed,
             save_interval=10**9,
         )
-        worker = Worker(spec, Peers(number, self._published), self._publisher(number), self._woken.set, lambda _: None)
+        storage, peers = Folder(folder / "saves"), Peers(number, self._published)
+        worker = Worker(spec, storage, peers, self._publisher(number), self._woken.set, lambda _: None)
         return Desk(worker, FileLedger(folder / "ledger"), self._answers.__setitem__, lambda _: None)
 
     def _publisher(self, number: int) -> Callable[[np.ndarray], None]:

@@ -3,7 +3,6 @@
 import csv
 import io
 import re
-import zipfile
 from datetime import timedelta
 
 import pytest
@@ -436,12 +435,11 @@ def test_returns_are_downloaded_as_csv(client, agent):
     assert [(row["run"], row["execution"], row["return"], row["length"]) for row in rows] == [("1", "1", "7.5", "10")]
 
 
-def test_the_model_is_downloaded_as_it_is(client, agent, fleet, tmp_path):
-    fleet.zip = tmp_path / "model.zip"
-    with zipfile.ZipFile(fleet.zip, "w") as archive:
-        archive.writestr("data", "weights")
+def test_the_model_is_downloaded_as_it_is(client, agent, fleet):
+    content = b"PK the model"
+    fleet.zip = io.BytesIO(content)
     response = client.get(url(agent, "model_view"))
-    assert b"".join(response.streaming_content) == fleet.zip.read_bytes()
+    assert b"".join(response.streaming_content) == content
     assert response["Content-Disposition"] == 'attachment; filename="sheepdog-run-1.zip"'
 
 

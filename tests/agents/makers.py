@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from io import BytesIO
 from typing import Any
 
 from agents_app import services
@@ -34,7 +34,7 @@ class RecordingFleet:
 
     calls: list[tuple[Any, ...]] = []
     statuses: list[Any] = []
-    zip: Path | None = None
+    zip: BytesIO | None = None
     unreachable = False
 
     def __getattr__(self, name: str) -> Any:

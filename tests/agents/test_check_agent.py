@@ -261,7 +261,7 @@ def test_the_execution_knows_the_advisor_and_where_its_saves_are():
     assert advisor_spec(young) is None
     young.advisor, young.advisor_save = old, "best"
     spec = advisor_spec(young)
-    assert (spec["name"], spec["rule"], spec["saves"]) == ("old", "best", [str(old.pk), old.current_run().pk])
+    assert (spec["name"], spec["rule"], spec["saves"]) == ("old", "best", f"{old.pk}/{old.current_run().pk}")
     assert spec["agent"]["parameters"]["net_arch"] == "9"
     old.owner = make_user("somebody")
     assert advisor_spec(young) is None, "it was given away"

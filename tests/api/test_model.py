@@ -1,13 +1,14 @@
 """GET /api/v1/agent/model."""
 
+from io import BytesIO
+
 from tests.api.conftest import assert_problem
 
 PATH = "/api/v1/agent/model"
 
 
-def test_it_sends_the_newest_model_of_the_run(api, agent, manage_key, fleet, tmp_path):
-    fleet.zip = tmp_path / "model.zip"
-    fleet.zip.write_bytes(b"PK the model")
+def test_it_sends_the_newest_model_of_the_run(api, agent, manage_key, fleet):
+    fleet.zip = BytesIO(b"PK the model")
     response = api.get(PATH, manage_key)
     assert response["Content-Type"] == "application/zip"
     assert response["Content-Disposition"] == 'attachment; filename="lander-run-1.zip"'

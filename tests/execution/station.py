@@ -17,6 +17,7 @@ from agents_app.algorithms.spec import AgentSpec
 from agents_app.spaces import parse_space
 from envs_app.execution.desk import Desk
 from envs_app.execution.ledger import FileLedger
+from envs_app.execution.storage import Folder, Storage
 from envs_app.execution.worker import ExecutionSpec, Worker
 from envs_app.messages import Message, encode_observation
 from tests.algorithms.specs import make_spec
@@ -57,11 +58,12 @@ class FixedPeers:
 class Station:
     """One execution. `options` are fields of the agent or of the execution, whichever has them."""
 
-    def __init__(self, folder: Path, uid: str = "first", **options: Any) -> None:
+    def __init__(self, folder: Path, uid: str = "first", storage: Storage | None = None, **options: Any) -> None:
         own = {name: options.pop(name) for name in list(options) if name in OF_EXECUTIONS}
         agent: AgentSpec = options.pop("agent", None) or make_spec(**{"advice_method": "none"} | options)
         facts: dict[str, Any] = {"uid": uid, "number": 1, "run": 1, "agent_id": "agent", "seed": 1}
-        spec = ExecutionSpec(**facts | {"agent": agent, "saves": str(folder / "saves")} | own)
+        spec = ExecutionSpec(**facts | {"agent": agent, "saves": "agent/1"} | own)
+        self.storage = storage or Folder(folder / "saves")
         self.reports: list[Message] = []
         self.answers: dict[str, Message] = {}
         self.peers = FixedPeers()
@@ -70,7 +72,9 @@ class Station:
         self._held: list[Callable[[], None]] = []
         self.space = parse_space(agent.observation_space)
         self.space.seed(1)
-        self.worker = Worker(spec, self.peers, self.published.append, self._woken.set, self.reports.append)
+        self.worker = Worker(
+            spec, self.storage, self.peers, self.published.append, self._woken.set, self.reports.append
+        )
         self.ledger = FileLedger(folder / "ledger")
         self.desk = Desk(self.worker, self.ledger, self._take_answer, self.reports.append)
 

@@ -13,6 +13,7 @@ from agents_app.algorithms.advice import neutral_advice
 from agents_app.algorithms.registry import get_row
 from envs_app.execution.frozen import FrozenSpec
 from envs_app.execution.saves import SaveStore
+from envs_app.execution.storage import Folder
 from tests.algorithms.specs import CONTINUOUS, DISCRETE, OBSERVATIONS, make_spec
 from tests.execution.station import Station
 from tests.execution.test_advisors import leaning
@@ -23,10 +24,21 @@ EVERY = [
 ]
 
 
+def shelf(folder: Path) -> Folder:
+    """Where both agents save."""
+    return Folder(folder / "saves")
+
+
 def taught(folder: Path, algorithm: str, actions: Any, **fields: Any) -> FrozenSpec:
     """An agent that has learned a little, and was saved."""
-    facts = {"algorithm": algorithm, "actions": actions, "parameters": {"net_arch": "9"}, "seed": 5} | fields
-    with Station(folder, advice_method="none", **facts) as station:
+    facts = {
+        "algorithm": algorithm,
+        "actions": actions,
+        "parameters": {"net_arch": "9"},
+        "seed": 5,
+        "saves": "old/1",
+    } | fields
+    with Station(folder / "old", storage=shelf(folder), advice_method="none", **facts) as station:
         station.play(70)
         station.wait_until(lambda: station.algorithm._n_updates > 0)
     return FrozenSpec("old dog", station.worker.spec.agent, station.worker.spec.saves)
@@ -35,7 +47,7 @@ def taught(folder: Path, algorithm: str, actions: Any, **fields: Any) -> FrozenS
 def advised_by(folder: Path, frozen: FrozenSpec, actions: Any = DISCRETE, **fields: Any) -> Station:
     """A PPO learner."""
     fields = {"advice_method": "intersection", "actions": actions} | fields
-    return Station(folder, advisor=frozen, **fields)
+    return Station(folder / "young", storage=shelf(folder), advisor=frozen, **fields)
 
 
 def advice_at(station: Station, obs: Any) -> np.ndarray:
@@ -43,17 +55,18 @@ def advice_at(station: Station, obs: Any) -> np.ndarray:
     return station.worker.see(obs)["advice"]
 
 
-def of_the_zip(frozen: FrozenSpec) -> Any:
+def of_the_zip(folder: Path, frozen: FrozenSpec) -> Any:
     """The stock model of the save, as somebody who knows no Shepherd loads it."""
-    store = SaveStore(Path(frozen.saves))
-    return get_row(frozen.agent.algorithm).load().load(store.model(store.names()[0]), device="cpu")
+    chosen = SaveStore(shelf(folder), frozen.saves).choose(frozen.rule)
+    assert chosen is not None
+    return get_row(frozen.agent.algorithm).load().load(chosen.model, device="cpu")
 
 
 @pytest.mark.parametrize(("algorithm", "actions"), EVERY, ids=str)
 def test_it_advises_exactly_as_the_saved_model_acts(tmp_path: Path, algorithm: str, actions: Any) -> None:
-    frozen = taught(tmp_path / "old", algorithm, actions)
-    model = of_the_zip(frozen)
-    with advised_by(tmp_path / "young", frozen, actions) as station:
+    frozen = taught(tmp_path, algorithm, actions)
+    model = of_the_zip(tmp_path, frozen)
+    with advised_by(tmp_path, frozen, actions) as station:
         assert station.worker.status()["advisors"] == ["old dog"]
         for _ in range(5):
             obs = station.somewhere()
@@ -78,17 +91,17 @@ def expected(model: Any, obs: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("kind", ["discrete", "image", "dict"])
 def test_whatever_it_looks_at(tmp_path: Path, kind: str) -> None:
     facts: dict[str, Any] = {"observations": OBSERVATIONS[kind], "parameters": {}}
-    frozen = taught(tmp_path / "old", "A2C", DISCRETE, **facts)
-    with advised_by(tmp_path / "young", frozen, **facts) as station:
+    frozen = taught(tmp_path, "A2C", DISCRETE, **facts)
+    with advised_by(tmp_path, frozen, **facts) as station:
         advice = advice_at(station, station.somewhere())
         assert advice.sum() == pytest.approx(1.0)
         assert {answer["k"] for answer in station.play(40)} == {"answer"}
 
 
 def test_it_advises_beside_the_peers_or_in_their_place(tmp_path: Path) -> None:
-    frozen = taught(tmp_path / "old", "PPO", DISCRETE)
+    frozen = taught(tmp_path, "PPO", DISCRETE)
     for beside in (True, False):
-        with advised_by(tmp_path / str(beside), frozen, peers_advise=beside) as station:
+        with advised_by(tmp_path, frozen, peers_advise=beside) as station:
             station.peers.put(2, leaning(station, 1, 9.0))
             obs = station.somewhere()
             sure = [advice_at(station, obs)[1] > 0.99 for _ in range(60)]
@@ -98,31 +111,34 @@ def test_it_advises_beside_the_peers_or_in_their_place(tmp_path: Path) -> None:
 
 
 def test_the_best_of_all_may_be_it(tmp_path: Path) -> None:
-    frozen = taught(tmp_path / "old", "PPO", DISCRETE)  # returns of 10
-    with advised_by(tmp_path / "young", frozen, advisors="best") as station:
+    frozen = taught(tmp_path, "PPO", DISCRETE)  # returns of 10
+    with advised_by(tmp_path, frozen, advisors="best") as station:
         for returns, best in ((9.0, ["old dog"]), (11.0, [2])):
             station.peers.put(2, leaning(station, 1, 9.0), returns)
             assert station.worker.status()["advisors"] == best
 
 
 def test_its_best_save_may_advise(tmp_path: Path) -> None:
-    frozen = taught(tmp_path / "old", "PPO", DISCRETE, save_interval=20)
-    saves = dict(SaveStore(Path(frozen.saves)).metas())
-    assert len(saves) > 1
-    chosen = SaveStore(Path(frozen.saves)).choose("best")
-    assert chosen is not None
+    frozen = taught(tmp_path, "PPO", DISCRETE, save_interval=20)
+    assert len(SaveStore(shelf(tmp_path), frozen.saves).names()) > 1
     frozen.rule = "best"
-    model = get_row("PPO").load().load(SaveStore(Path(frozen.saves)).model(chosen[0]), device="cpu")
-    with advised_by(tmp_path / "young", frozen) as station:
+    model = of_the_zip(tmp_path, frozen)
+    with advised_by(tmp_path, frozen) as station:
         obs = station.somewhere()
         assert advice_at(station, obs) == pytest.approx(expected(model, np.asarray(obs)), abs=2e-5)
 
 
 def test_to_load_it_changes_nothing_that_the_learner_draws(tmp_path: Path) -> None:
-    frozen = taught(tmp_path / "old", "DQN", DISCRETE)
+    frozen = taught(tmp_path, "DQN", DISCRETE)
     taken = []
     for advisor in (frozen, None):
-        with Station(tmp_path / str(advisor is None), advice_method="shaping", advisor=advisor, seed=4) as station:
+        young: dict[str, Any] = {
+            "advice_method": "shaping",
+            "advisor": advisor,
+            "seed": 4,
+            "saves": f"young/{len(taken)}",
+        }
+        with Station(tmp_path / str(len(taken)), storage=shelf(tmp_path), **young) as station:
             obs = station.somewhere()
             taken.append([station.step(obs=obs)["action"] for _ in range(25)])
     assert taken[0] == taken[1]
@@ -138,17 +154,17 @@ UNFITTING: dict[str, tuple[dict[str, Any], str]] = {
 @pytest.mark.parametrize("reason", UNFITTING)
 def test_one_that_cannot_advise_is_said_and_passed_over(tmp_path: Path, reason: str) -> None:
     fields, sentence = UNFITTING[reason]
-    frozen = FrozenSpec("old dog", make_spec(**fields), str(tmp_path / "nothing"))
-    with advised_by(tmp_path / "young", frozen) as station:
+    frozen = FrozenSpec("old dog", make_spec(**fields), "nothing/1")
+    with advised_by(tmp_path, frozen) as station:
         assert np.array_equal(advice_at(station, station.somewhere()), neutral_advice(station.worker.action_space))
         assert [report["summary"] for report in station.told("error")] == [f"old dog does not advise: {sentence}"]
         assert {answer["k"] for answer in station.play(40)} == {"answer"}
 
 
 def test_nor_one_whose_save_is_of_another_network(tmp_path: Path) -> None:
-    frozen = taught(tmp_path / "old", "PPO", DISCRETE)
+    frozen = taught(tmp_path, "PPO", DISCRETE)
     frozen.agent.parameters["net_arch"] = "5"
-    with advised_by(tmp_path / "young", frozen) as station:
+    with advised_by(tmp_path, frozen) as station:
         (report,) = station.told("error")
         assert "cannot be loaded" in report["summary"]
         assert station.step()["k"] == "answer"

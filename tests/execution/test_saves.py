@@ -1,29 +1,52 @@
-"""Saves are whole or not there; the newest good one, or the best one, is found; old ones go."""
+"""Saves are whole or not there; the newest good one, or the best one, is found; old ones go: in every kind of storage."""
 
 from __future__ import annotations
 
 import errno
 import json
-import os
 import time
+from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import pytest
+from django.core.files.storage import InMemoryStorage
 
-from envs_app.execution.saves import LITTER_SECONDS, MODEL, SaveMeta, SaveStore
+from envs_app.execution.saves import LITTER_SECONDS, META, MODEL, MOST, SaveMeta, SaveStore
+from envs_app.execution.storage import Folder, Storage
+from tests.storages import Pathless
+
+STORAGES: dict[str, Callable[[Path], Storage]] = {
+    "folder": Folder,
+    "storage without paths": Pathless,
+    "memory": lambda _: InMemoryStorage(),
+}
+
+
+@pytest.fixture(params=STORAGES)
+def storage(request: pytest.FixtureRequest, tmp_path: Path) -> Storage:
+    """An empty one."""
+    return STORAGES[request.param](tmp_path / "saves")
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> SaveStore:
+def store(storage: Storage) -> SaveStore:
     """No saves yet."""
-    return SaveStore(tmp_path / "saves")
+    return SaveStore(storage, "agent/1")
+
+
+def put(store: SaveStore, name: str, file: str, content: bytes) -> None:
+    """Have a file of a save hold something else."""
+    path = f"{store.prefix}/{name}/{file}"
+    store.storage.delete(path)
+    store.storage.save(path, BytesIO(content))
 
 
 def save(store: SaveStore, steps: int, mean_return: float | None = None, execution: str = "a" * 32) -> str:
     """A save whose model says its steps."""
     meta = SaveMeta(execution, 1, steps, updates=steps, episodes=1, mean_return=mean_return)
-    return store.write(meta, lambda path: path.write_text(f"model of {steps}"))
+    return store.write(meta, lambda model: model.write(f"model of {steps}".encode()))
 
 
 def steps_of(store: SaveStore) -> list[int]:
@@ -40,17 +63,19 @@ def test_there_is_nothing_to_choose_at_first(store: SaveStore) -> None:
 def test_what_is_saved_is_read_again(store: SaveStore) -> None:
     extra: dict[str, Any] = {"exploration_rate": 0.3}
     meta = SaveMeta("a" * 32, 2, 500, updates=30, episodes=7, mean_return=1.5, recent_returns=[1.0, 2.0], extra=extra)
-    name = store.write(meta, lambda path: path.write_text("weights"))
+    name = store.write(meta, lambda model: model.write(b"weights"))
     chosen = store.choose("latest")
     assert chosen is not None
-    assert chosen == (name, meta)
-    assert store.model(name).read_text() == "weights"
+    assert (chosen.name, chosen.meta, chosen.model.getvalue()) == (name, meta, b"weights")
+    assert store.size(name) == len(b"weights")
 
 
 def test_the_newest_is_chosen(store: SaveStore) -> None:
     names = [save(store, steps) for steps in (10, 20, 30)]
     assert store.names() == names[::-1]
-    assert store.choose("latest") == (names[2], store.meta(names[2]))
+    chosen = store.choose("latest")
+    assert chosen is not None
+    assert (chosen.name, chosen.model.getvalue()) == (names[2], b"model of 30")
 
 
 def test_the_best_is_chosen_when_asked_for(store: SaveStore) -> None:
@@ -72,48 +97,72 @@ def test_of_saves_without_a_return_the_newest_is_the_best(store: SaveStore) -> N
 @pytest.mark.parametrize("damage", ["cut", "changed", "no model", "no description", "no JSON", "strange description"])
 def test_a_damaged_save_is_passed_over(store: SaveStore, damage: str) -> None:
     save(store, 10)
-    folder = store.folder / save(store, 20)
+    name = save(store, 20)
     match damage:
         case "cut":
-            os.truncate(folder / MODEL, 3)
+            put(store, name, MODEL, b"mod")
         case "changed":
-            (folder / MODEL).write_text("model of 99")
+            put(store, name, MODEL, b"model of 99")
         case "no model":
-            (folder / MODEL).unlink()
+            store.storage.delete(f"{store.prefix}/{name}/{MODEL}")
         case "no description":
-            (folder / "meta.json").unlink()
+            store.storage.delete(f"{store.prefix}/{name}/{META}")
         case "no JSON":
-            os.truncate(folder / "meta.json", 20)
+            put(store, name, META, b'{"execution": ')
         case "strange description":
-            (folder / "meta.json").write_text(json.dumps({"steps": 20}))
+            put(store, name, META, json.dumps({"steps": 20}).encode())
     chosen = store.choose("latest")
     assert chosen is not None
     assert chosen[1].steps == 10
 
 
-def test_a_full_disk_leaves_no_half_save(store: SaveStore) -> None:
-    save(store, 10)
+@pytest.mark.parametrize("file", [MODEL, META])
+def test_a_storage_that_is_full_keeps_no_half_save(
+    store: SaveStore, monkeypatch: pytest.MonkeyPatch, file: str
+) -> None:
+    older, save_whole = save(store, 10), store.storage.save
 
-    def fill(path: Path) -> None:
-        path.write_text("half a mod")
+    def save_half(name: str, content: BytesIO) -> str:
+        if not name.endswith(file):
+            return save_whole(name, content)
+        save_whole(name, BytesIO(content.getvalue()[:4]))
         raise OSError(errno.ENOSPC, "No space left on device")
 
+    monkeypatch.setattr(store.storage, "save", save_half)
     with pytest.raises(OSError, match="No space"):
-        store.write(SaveMeta("a" * 32, 1, 20, 0, 0, None), fill)
-    assert [path.name for path in store.folder.iterdir()] == store.names()
+        save(store, 20)
+    assert store.storage.listdir(store.prefix) == ([older], [])
     assert steps_of(store) == [10]
 
 
-def test_a_save_appears_only_when_it_is_whole(store: SaveStore) -> None:
-    seen: list[Any] = []
+def test_a_save_appears_only_when_it_is_whole(store: SaveStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever looks between any two calls of the storage sees none, or all of it."""
+    seen: list[list[int]] = []
+    save_it = store.storage.save
 
-    def look(path: Path) -> None:
-        path.write_text("model")
-        seen.append(store.names())
+    def look(name: str, content: BytesIO) -> str:
+        seen.append(steps_of(store))
+        return save_it(name, content)
 
-    store.write(SaveMeta("a" * 32, 1, 20, 0, 0, None), look)
-    assert seen == [[]]
-    assert len(store.names()) == 1
+    monkeypatch.setattr(store.storage, "save", look)
+    save(store, 20)
+    assert seen == [[], []]
+    assert steps_of(store) == [20]
+
+
+def test_a_deleted_save_is_none_from_the_first_moment(store: SaveStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    name, delete_it = save(store, 20), store.storage.delete
+    seen: list[list[int]] = []
+
+    def look(path: str) -> None:
+        delete_it(path)
+        seen.append(steps_of(SaveStore(store.storage, store.prefix)))
+
+    monkeypatch.setattr(store.storage, "delete", look)
+    store.delete(name)
+    assert len(seen) > 1
+    assert not any(seen)
+    assert store.names() == []
 
 
 class TestPruning:
@@ -140,19 +189,17 @@ class TestPruning:
         for number in range(60):
             save(store, number, execution=f"{number:032}")
         store.prune(5)
-        assert len(store.names()) == 50
+        assert len(store.names()) == MOST
 
     def test_what_a_killed_process_left_half_written_goes_later(self, store: SaveStore) -> None:
         save(store, 1)
-        old, new = store.folder / ".old", store.folder / ".new"
-        for folder in (old, new):
-            folder.mkdir()
-            (folder / MODEL).write_text("half")
-        long_ago = time.time() - LITTER_SECONDS - 1
-        os.utime(old, (long_ago, long_ago))
+        long_ago = f"{time.time() - LITTER_SECONDS - 1:017.6f}-{'b' * 8}-7"
+        just_now = f"{time.time():017.6f}-{'b' * 8}-8"
+        for name in (long_ago, just_now):
+            put(store, name, MODEL, b"half")
         store.prune(5)
-        assert not old.exists()
-        assert new.exists()
+        assert long_ago not in store.names()
+        assert just_now in store.names()
         assert steps_of(store) == [1]
 
     def test_two_executions_may_prune_at_once(self, store: SaveStore) -> None:

@@ -13,6 +13,7 @@ import torch as th
 from agents_app.algorithms import builder
 from agents_app.algorithms.weights import flatten
 from envs_app.execution.learner import Diverged
+from envs_app.execution.saves import MODEL
 from tests.algorithms.building import tensors
 from tests.algorithms.specs import CONTINUOUS, DISCRETE
 from tests.execution.station import Station
@@ -125,7 +126,7 @@ class TestRestore:
         with Station(tmp_path, save_interval=32) as first:
             first.play(100)
         newest, before = first.worker.store.names()[:2]
-        first.worker.store.model(newest).write_bytes(b"half a model")
+        (tmp_path / "saves" / "agent" / "1" / newest / MODEL).write_bytes(b"half a model")
         with Station(tmp_path, number=2, learning=False) as second:
             meta = first.worker.store.meta(before)
             assert meta is not None

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import io
 import zipfile
-from pathlib import Path
+from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ import torch as th
 from shepherd_client import Session
 
 from envs_app.execution.saves import SaveStore
+from envs_app.execution.storage import Folder
 from envs_app.transports.local.client import LocalTransport
 from envs_app.transports.local.places import Places
 from tests.faults.players import query
@@ -34,13 +34,15 @@ def executions_of(server: Server, agent: str) -> list[dict[str, Any]]:
 def saves_of(server: Server, agent: str) -> SaveStore:
     """The saves of the agent's run."""
     [(run,)] = query(server, "SELECT id FROM agents_app_run WHERE agent_id = ?", agent.replace("-", ""))
-    return SaveStore(Places(server.data).saves(agent, run))
+    return SaveStore(Folder(Places(server.data).saves), f"{agent}/{run}")
 
 
-def policy_of(model: Path) -> dict[str, np.ndarray]:
-    """The weights in a save, by layer."""
-    with zipfile.ZipFile(model) as archive:
-        weights = th.load(io.BytesIO(archive.read("policy.pth")), weights_only=True)
+def policy_of(saves: SaveStore) -> dict[str, np.ndarray]:
+    """The weights in the newest save, by layer."""
+    chosen = saves.choose("latest")
+    assert chosen is not None
+    with zipfile.ZipFile(chosen.model) as archive:
+        weights = th.load(BytesIO(archive.read("policy.pth")), weights_only=True)
     return {layer: tensor.numpy() for layer, tensor in weights.items()}
 
 

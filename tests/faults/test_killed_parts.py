@@ -66,18 +66,16 @@ def test_learning_goes_on_from_a_save_at_most_one_interval_old(own: Server, agen
         wait_for(lambda: any(meta.steps > 1000 - OLDEST for _, meta in saves.metas()), what="a save")
         [killed] = executions_of(own, identity)
         os.kill(killed["pid"], signal.SIGKILL)
-        name, before = next(saves.metas())
-        learned = policy_of(saves.model(name))
+        _, before = next(saves.metas())
+        learned = policy_of(saves)
         play(session, 500)
         wait_for(lambda: next(saves.metas())[1].execution != killed["uid"], what="a save of the successor")
         [successor] = executions_of(own, identity)
-        name, after = next(saves.metas())
+        _, after = next(saves.metas())
     assert after.execution == successor["uid"]
     assert before.steps < after.steps <= before.steps + 500
     assert after.updates > before.updates
-    assert all(
-        np.allclose(learned[layer], weights, atol=1e-6) for layer, weights in policy_of(saves.model(name)).items()
-    )
+    assert all(np.allclose(learned[layer], weights, atol=1e-6) for layer, weights in policy_of(saves).items())
 
 
 def test_no_process_socket_or_place_is_left_over(own: Server, agent: Agent) -> None:

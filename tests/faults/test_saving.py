@@ -6,6 +6,7 @@ import os
 import shutil
 import signal
 from collections.abc import Callable
+from pathlib import Path
 
 from shepherd_client import Client, Session
 
@@ -24,6 +25,11 @@ def play_until_saved(session: Session, saves: SaveStore, after: int = 0) -> int:
     play(session, 2 * INTERVAL)
     wait_for(lambda: newest(saves) > after, what="a save")
     return newest(saves)
+
+
+def folder_of(server: Server, saves: SaveStore) -> Path:
+    """Where they lie."""
+    return server.data / "saves" / saves.prefix
 
 
 def newest(saves: SaveStore) -> int:
@@ -72,13 +78,14 @@ def test_acting_goes_on_while_the_folder_of_saves_cannot_be_written(own: Server,
     with Client(key, own.url) as client:
         session, saves = client.session(), saves_of(own, identity)
         before = play_until_saved(session, saves)
-        hidden = saves.folder.with_name("hidden")
-        saves.folder.rename(hidden)
-        saves.folder.touch()  # a file instead: root may write to any folder
+        folder = folder_of(own, saves)
+        hidden = folder.with_name("hidden")
+        folder.rename(hidden)
+        folder.touch()  # a file instead: root may write to any folder
         play(session, 2 * INTERVAL)
         expect_error(own, identity, "could not save")
-        saves.folder.unlink()
-        hidden.rename(saves.folder)
+        folder.unlink()
+        hidden.rename(folder)
         play_until_saved(session, saves, before)
 
 
@@ -91,7 +98,7 @@ def test_a_save_that_was_cut_in_half_is_passed_over(own: Server, agent: Agent) -
         restart(own, identity)
         halved = newest(saves)
         for name in [name for name, meta in saves.metas() if meta.steps > older]:
-            model = saves.folder / name / MODEL
+            model = folder_of(own, saves) / name / MODEL
             os.truncate(model, model.stat().st_size // 2)
         assert newest(saves) == older
         play(session, 40)
@@ -103,7 +110,7 @@ def test_what_a_killed_save_left_is_cleared_away(own: Server, agent: Agent) -> N
     identity, key = agent("halved")
     with Client(key, own.url) as client:
         saves = saves_of(own, identity)
-        left = saves.folder / ".1700000000.000000-12345678-99"
+        left = folder_of(own, saves) / "1700000000.000000-12345678-99"
         left.mkdir(parents=True)
         (left / MODEL).write_bytes(b"half")
         os.utime(left, (1_700_000_000, 1_700_000_000))

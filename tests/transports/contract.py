@@ -24,7 +24,7 @@ from tests.algorithms.specs import make_spec
 from tests.servers import wait_for
 
 TIMEOUT = 20.0
-GIVEN_BY_TRANSPORT = {"saves", "turns"}
+GIVEN_BY_TRANSPORT = {"turns"}
 ids = itertools.count(1)
 
 
@@ -64,7 +64,7 @@ class Agent:
         """Start an execution for the session, unless there is one for it."""
         number = next(self.numbers)
         facts: dict[str, Any] = {"seed": 1, "sessions": self.places} | self.facts
-        spec = ExecutionSpec(str(uuid.uuid4()), number, self.run, self.id, self.spec, "", **facts)
+        spec = ExecutionSpec(str(uuid.uuid4()), number, self.run, self.id, self.spec, f"{self.id}/{self.run}", **facts)
         given = {name: value for name, value in asdict(spec).items() if name not in GIVEN_BY_TRANSPORT}
         return (transport or self.transport).launch(self.claim(session), given, 10_000, exclude)
 

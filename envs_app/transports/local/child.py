@@ -14,6 +14,7 @@ import setproctitle
 from gymnasium import spaces
 
 from envs_app.execution.ledger import FileLedger
+from envs_app.execution.storage import Folder
 from envs_app.execution.worker import ExecutionSpec
 from envs_app.messages import CHUNK, FrameReader, Message, pack
 from envs_app.serving.bond import die_with_parent
@@ -62,6 +63,10 @@ class Child(ExecutionLoop):
         """Web processes, and the parent."""
         self.selector.register(self.listener, selectors.EVENT_READ, self._accept)
         self.selector.register(self.control, selectors.EVENT_READ, self._hear_parent)
+
+    def make_storage(self) -> Folder:
+        """The data folder's."""
+        return Folder(self.places.saves)
 
     def make_ledger(self) -> FileLedger:
         """Files."""

@@ -43,13 +43,11 @@ class Places:
         """The policy that an execution published."""
         return self.run / f"weights-{run}-{number}"
 
-    def saves(self, agent: str, run: int) -> Path:
-        """The saves of a run."""
-        return self.data / "saves" / agent / str(run)
+    @property
+    def saves(self) -> Path:
+        """The saves of all runs."""
+        return self.data / "saves"
 
     def locate(self, spec: dict[str, Any]) -> dict[str, Any]:
         """The specification of an execution (execution.worker.ExecutionSpec as a dictionary) with its places here."""
-        located = {**spec, "saves": str(self.saves(spec["agent_id"], spec["run"])), "turns": str(self.run)}
-        if advisor := spec.get("advisor"):
-            located["advisor"] = {**advisor, "saves": str(self.saves(*advisor["saves"]))}
-        return located
+        return {**spec, "turns": str(self.run)}

@@ -21,7 +21,7 @@ import msgpack
 import numpy as np
 from redis.exceptions import RedisError
 
-from envs_app.execution.saves import SaveStore
+from envs_app.execution.storage import Storage
 from envs_app.execution.worker import ExecutionSpec
 from envs_app.messages import Message, unpack
 from envs_app.transports.loop import STATUS_SECONDS, ExecutionLoop, is_step
@@ -95,9 +95,9 @@ class RedisChild(ExecutionLoop):
     peers: RedisPeers
     ledger: RedisLedger
 
-    def __init__(self, spec: ExecutionSpec, wire: Wire, place: Place, store: SaveStore | None = None) -> None:
+    def __init__(self, spec: ExecutionSpec, wire: Wire, place: Place, storage: Storage) -> None:
         super().__init__(spec, RedisPeers(wire, spec.run, spec.number))
-        self.wire, self.place, self.shared, self.store = wire, place, Shared(wire), store
+        self.wire, self.place, self.shared, self.storage = wire, place, Shared(wire), storage
         self.state, self.active, self.saves_answered, self.published = "starting", set[int](), 0, 0
         self.status: dict[str, Any] = {}
         self.meter, self.beats = Meter(place.pid), 0
@@ -216,9 +216,9 @@ class RedisChild(ExecutionLoop):
         """In Redis, and in memory."""
         return RedisLedger(self.wire, self.spec.uid, self.place.ledger_seconds)
 
-    def make_store(self) -> SaveStore | None:
+    def make_storage(self) -> Storage:
         """Where all machines find it."""
-        return self.store
+        return self.storage
 
     def report(self, message: Message) -> None:
         """Note it, and give a sign of life."""

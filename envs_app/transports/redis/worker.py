@@ -23,6 +23,7 @@ from celery.signals import task_failure
 from celery.worker import state as celery_state
 from celery.worker.components import Pool
 from django.conf import settings
+from django.core.files.storage import storages
 
 from envs_app.serving.bond import die_with_parent
 from envs_app.transports.local.places import Places
@@ -56,7 +57,8 @@ def execute(order: dict[str, Any]) -> None:
         idle_seconds=settings.IDLE_SECONDS,
         ledger_seconds=settings.SESSION_DAYS * 86400.0,
     )
-    RedisChild(ExecutionSpec.from_dict(places.locate(spec)), Wire(settings.REDIS_URL), place).live()
+    execution = ExecutionSpec.from_dict(places.locate(spec))
+    RedisChild(execution, Wire(settings.REDIS_URL), place, storages["saves"]).live()
 
 
 class Machine(bootsteps.StartStopStep):
