@@ -1,7 +1,8 @@
 """`make bench`: measure, print the table beside its bars, keep it in results/ and README.md.
 
-python -m benchmarks                 every row; the learning curves of parity are shown as they were measured last
+python -m benchmarks                 every row but the long ones, which are shown as they were measured last
 python -m benchmarks step memory     some rows
+python -m benchmarks soak            what grows in ten minutes
 python -m benchmarks parity          the learning curves: an hour or two, goes on where it was interrupted
 """
 
@@ -27,9 +28,10 @@ ROWS = {
     "inprocess": "Stable-Baselines3 in process; the original Shepherd",
     "bdpi": "BDPI's ensemble of critics beside a loop",
     "million": "a million EpisodeReturns",
+    "soak": "ten minutes of 16 clients",
     "parity": "learning over HTTP and in process",
 }
-LONG = ("parity",)
+LONG = ("soak", "parity")
 
 
 def main() -> int:
@@ -39,7 +41,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         "python -m benchmarks", description=f"Rows:{rows}", formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("row", nargs="*", choices=[[], *ROWS], help="rows to measure; none: all but parity")
+    parser.add_argument("row", nargs="*", choices=[[], *ROWS], help="rows to measure; none: all but soak and parity")
     chosen = parser.parse_args().row or [row for row in ROWS if row not in LONG]
     for row in chosen:
         measure(row)
