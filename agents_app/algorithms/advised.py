@@ -51,9 +51,12 @@ class AdvisedPolicy(SeesMask, ActorCriticPolicy):
     def evaluate_actions(self, obs: Any, actions: th.Tensor) -> tuple[th.Tensor, th.Tensor, th.Tensor | None]:
         """Values (B, 1), log-probabilities (B,) and entropies (B,) of the policy that the learning rule sees."""
         latent_pi, latent_vf = self._latents(obs)
-        advice = self._advice(obs) if self.mixing.correction else None
+        advice, values = self._advice(obs) if self.mixing.correction else None, self.value_net(latent_vf)
+        if isinstance(self.action_space, spaces.Discrete):
+            logits = mix_allowed(self.action_net(latent_pi), advice, self.mixing, allowed_of(obs))
+            return values, *judge(logits, actions)
         distribution = self._distribution(latent_pi, advice, allowed_of(obs))
-        return self.value_net(latent_vf), distribution.log_prob(actions), distribution.entropy()
+        return values, distribution.log_prob(actions), distribution.entropy()
 
     def extract_features(self, obs: Any, features_extractor: Any = None) -> Any:
         """Features of the client's observation; advice and mask are left aside."""
@@ -100,3 +103,14 @@ class AdvisedPolicy(SeesMask, ActorCriticPolicy):
         if self.use_sde:
             return self.action_dist.proba_distribution(mean, self.log_std, latent_pi)
         return self.action_dist.proba_distribution(mean, self.log_std)
+
+
+def judge(logits: th.Tensor, actions: th.Tensor) -> tuple[th.Tensor, th.Tensor]:
+    """Log-probabilities (B,) of actions (B,), and entropies (B,), under unnormalised finite logits (B, A).
+
+    The same numbers as of torch's Categorical, without its checks and copies, which cost more than the arithmetic
+    (docs/adr/0005). That the weights are finite is the learner's to check.
+    """
+    log_probs = logits - logits.logsumexp(-1, keepdim=True)
+    chosen = log_probs.gather(-1, actions.long().unsqueeze(-1)).squeeze(-1)
+    return chosen, -(log_probs * log_probs.softmax(-1)).sum(-1)

@@ -14,6 +14,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import obs_as_tensor
 
 from agents_app.algorithms.actor import Memory, batch, own_policy, to_env
+from agents_app.algorithms.minibatches import slice_minibatches
 from agents_app.algorithms.replay import Decision, Tape
 from agents_app.algorithms.small_net import Unsupported
 from agents_app.algorithms.weights import assign
@@ -48,6 +49,7 @@ def learner_classes(algorithm: type[Any], policy: type[Any]) -> tuple[type[Any],
 def attach(algorithm: Any, tape: Tape) -> None:
     """Let the algorithm learn from the tape; make its actor before."""
     algorithm.policy.tape = tape
+    slice_minibatches(algorithm.rollout_buffer)
     tape.batch = max(1, min(64, allowed_lead(algorithm) // 8))
 
 

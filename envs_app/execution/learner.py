@@ -92,12 +92,16 @@ class Learner(threading.Thread):
     def _amid_an_update(self, *_: Any) -> None:
         """Let the actor follow an update while it is made: what it decides meanwhile is not older than a few minibatches."""
         if self._weights and time.monotonic() - self._published_at >= FOLLOW_SECONDS:
-            self.published, self._published_at = self._weights(), time.monotonic()
+            self._hand_over(self._weights())
 
     def _publish(self, weights: np.ndarray) -> None:
+        self._hand_over(weights)
+        self._on_published()
+
+    def _hand_over(self, weights: np.ndarray) -> None:
+        """To the actor. Raises Diverged: nobody acts with weights that are not finite."""
         check_finite(weights)
         self.published, self._published_at = weights, time.monotonic()
-        self._on_published()
 
 
 def check_finite(weights: np.ndarray) -> None:

@@ -12,6 +12,7 @@ import torch as th
 
 from agents_app.algorithms import builder
 from agents_app.algorithms.weights import flatten
+from envs_app.execution import learner
 from envs_app.execution.learner import Diverged
 from envs_app.execution.saves import MODEL
 from tests.algorithms.building import tensors
@@ -218,6 +219,20 @@ class TestFailure:
                 next(station.algorithm.policy.parameters()).fill_(float("nan"))
         assert Diverged.__name__ in (station.worker.failure or "")
         assert station.worker.store.names() == []
+
+    @pytest.mark.parametrize("advice", ["none", "intersection"])
+    @pytest.mark.parametrize("follow_seconds", [0.0, 1e9], ids=["amid an update", "after it"])
+    def test_nobody_acts_with_weights_that_are_not_finite(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, advice: str, follow_seconds: float
+    ) -> None:
+        monkeypatch.setattr(learner, "FOLLOW_SECONDS", follow_seconds)
+        with Station(tmp_path, advice_method=advice, parameters={"learning_rate": 1e38}) as station:
+            with pytest.raises(AssertionError, match=r"no longer finite|Expected parameter"):
+                station.play(400)
+            handed_over = station.worker.learner.published
+        assert handed_over is None or np.isfinite(handed_over).all()
+        if advice != "none":
+            assert Diverged.__name__ in (station.worker.failure or "")
 
     def test_bad_parameters_are_said_at_once(self, tmp_path: Path) -> None:
         with pytest.raises((ValueError, TypeError, AssertionError)):
