@@ -10,8 +10,8 @@ from typing import Any, cast
 from agents_app.fleet import ExecutionStatus
 from agents_app.models import Agent, Run, Save
 from envs_app.execution.saves import SaveMeta
+from envs_app.handles import handles
 from envs_app.saves import saves_of
-from envs_app.sessions import handles
 from envs_app.transports.choice import get_transport
 
 SAVE_SECONDS = 3.0  # how long a download waits for a save that is newer
@@ -26,7 +26,7 @@ class TransportFleet:
         return cast(list[ExecutionStatus], get_transport().status(str(agent_id)))
 
     def note_revoked(self) -> None:
-        """This process asks the database at the next step of each session; others do within sessions.REFRESH_SECONDS."""
+        """This process asks the database at the next step of each session; others do within handles.REFRESH_SECONDS."""
         handles.expire()
 
     def restart(self, agent_id: str) -> int:

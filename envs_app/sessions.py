@@ -1,7 +1,7 @@
 """Sessions: a client's conversation with an agent, over whichever executions serve it.
 
-What every view calls. The database knows the sessions; this process keeps a handle of each one that it meets, checked against
-the database every REFRESH_SECONDS, so that a step reads and writes no table but at an episode's end.
+What every view calls. The database knows the sessions; this process keeps a handle of each one that it meets (envs_app.handles),
+so that a step reads and writes no table but at an episode's end.
 """
 
 from __future__ import annotations
@@ -11,36 +11,28 @@ import os
 import threading
 import time
 import uuid
-from collections import OrderedDict
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any
 
 import structlog
 from django.conf import settings
-from django.db import DatabaseError, IntegrityError, connection, transaction
+from django.db import IntegrityError, connection, transaction
 from django.db.models import Max
 from django.utils import timezone
-from gymnasium import spaces
 
 from agents_app import tallies
-from agents_app.algorithms.registry import get_row
 from agents_app.models import Agent, APIKey, EpisodeReturn, Execution, Session, hash_key, make_key
-from agents_app.spaces import parse_space
 from envs_app.errors import ExecutionLost, InvalidRequest, NoCapacity, ShepherdError, UnknownSession, from_code
-from envs_app.executions import places, record_launch
-from envs_app.guards import Guard, guard_of
+from envs_app.executions import record_launch
+from envs_app.handles import Handle, handles
 from envs_app.messages import Message, encode_observation
 from envs_app.observations import read_advice, read_mask, read_observation, read_reward
 from envs_app.requests import Caller
 from envs_app.steps import Reply, Step
-from envs_app.transports.base import Address, Away, Claim
+from envs_app.transports.base import Address, Away
 from envs_app.transports.choice import get_transport
 
-REFRESH_SECONDS = 2.0  # so long may a closed session or a revoked key go on
-STALE_SECONDS = 60.0  # so long a handle serves while the database cannot be asked
-HANDLES_KEPT = 20_000
 TRIES = 4  # executions that a step may find lost or busy before the client is asked to repeat it
 SOON_SECONDS = 3.0  # a wait for capacity that is shorter than the client's would be
 PAUSE_SECONDS = 0.05
@@ -51,117 +43,6 @@ PROCESS = uuid.uuid4().hex[:16]  # with its id and a number, names each request 
 _requests = itertools.count()
 
 log = structlog.get_logger("shepherd.sessions")
-
-
-@dataclass
-class Handle:
-    """What this process knows of an open session."""
-
-    session: int
-    agent: str
-    run: int
-    observation_space: spaces.Space
-    actions: int | None  # how many, if the agent takes masks
-    advised_actions: spaces.Space | None  # the action space, if the agent takes advice
-    max_executions: int
-    sessions_per_execution: int
-    guard: Guard | None  # of the API key
-    counted_in: str  # time zone by whose hours actions are counted; empty: they are not
-    checked_at: float
-    address: Address | None = None
-
-    def claim(self, waits: bool) -> Claim:
-        """What the transport must know to find an execution."""
-        return Claim(self.agent, self.run, self.session, self.max_executions, self.sessions_per_execution, waits)
-
-
-class Handles:
-    """The handles of this process, by the hash of the session key; the one used longest ago goes first."""
-
-    def __init__(self) -> None:
-        self._by_hash: OrderedDict[str, Handle] = OrderedDict()
-        self._lock = threading.Lock()
-
-    def get(self, session_key: str) -> Handle:
-        """A handle that is fresh enough. Raises UnknownSession."""
-        key = hash_key(session_key)
-        handle = self._by_hash.get(key)
-        if handle is None or time.monotonic() - handle.checked_at > REFRESH_SECONDS:
-            handle = self._refresh(key, handle)
-        return handle
-
-    def _refresh(self, key: str, known: Handle | None) -> Handle:
-        try:
-            fresh = load(key)
-        except UnknownSession:
-            self.drop(key)
-            raise
-        except DatabaseError:
-            if known is None or time.monotonic() - known.checked_at > STALE_SECONDS:
-                raise
-            return known
-        if known is not None and known.run == fresh.run:
-            fresh.address = known.address
-        with self._lock:
-            self._by_hash[key] = fresh
-            self._by_hash.move_to_end(key)
-            while len(self._by_hash) > HANDLES_KEPT:
-                self._by_hash.popitem(last=False)
-        return fresh
-
-    def whereabouts(self, session_key: str) -> dict[str, Any]:
-        """What a log line may say of the session: ids, and nothing that opens it."""
-        handle = self._by_hash.get(hash_key(session_key))
-        if handle is None:
-            return {}
-        execution = handle.address.uid if handle.address else None
-        return {"session": handle.session, "execution": execution, "agent": handle.agent}
-
-    def renew(self, handle: Handle) -> None:
-        """Take over what the database says now: an execution must not be sought for a run that is over."""
-        session = Session.objects.filter(pk=handle.session).values_list("hash", flat=True).first()
-        fresh = self._refresh(session or "", None)
-        handle.run, handle.checked_at = fresh.run, fresh.checked_at
-        handle.max_executions, handle.sessions_per_execution = fresh.max_executions, fresh.sessions_per_execution
-        with self._lock:
-            self._by_hash[session or ""] = handle
-
-    def drop(self, key: str) -> None:
-        """Forget a session."""
-        with self._lock:
-            self._by_hash.pop(key, None)
-
-    def expire(self) -> None:
-        """Have every handle checked again before its next step: something was revoked in this process."""
-        for handle in list(self._by_hash.values()):
-            handle.checked_at -= REFRESH_SECONDS
-
-
-handles = Handles()
-
-
-def load(key_hash: str) -> Handle:
-    """The handle of an open session, from the database. Raises UnknownSession."""
-    related = ("agent__algorithm", "agent__owner", "api_key")
-    session = Session.objects.select_related(*related).filter(hash=key_hash, closed_at=None).first()
-    if session is None or not session.api_key.is_valid() or not session.agent.owner.is_active:
-        raise UnknownSession
-    agent: Agent = session.agent
-    row = get_row(agent.algorithm.name)
-    advised = row.advice and agent.advice_method != Agent.AdviceMethod.NONE
-    return Handle(
-        session=session.pk,
-        agent=str(agent.pk),
-        run=agent.current_run().pk,
-        observation_space=parse_space(agent.observation_space),
-        actions=agent.action_space if agent.takes_masks else None,
-        advised_actions=parse_space(agent.action_space) if advised else None,
-        max_executions=agent.max_executions,
-        sessions_per_execution=places(agent),
-        guard=guard_of(session.api_key),
-        counted_in=agent.counted_in,
-        checked_at=time.monotonic(),
-    )
 
 
 def open_session(api_key: APIKey) -> tuple[Session, str]:
@@ -252,6 +133,7 @@ def _send(handle: Handle, message: Message) -> Message:
         if handle.address is None:
             handle.address = _find_execution(handle, refused)
             message |= {"claim": True, "episodes": _episodes_recorded(handle)}
+            _give_back_connection()
         address = handle.address
         try:
             answer = get_transport().call(address, message, settings.STEP_TIMEOUT)
@@ -291,7 +173,14 @@ def _find_execution(handle: Handle, refused: list[str], waits: bool = True) -> A
         except OSError as error:
             if time.monotonic() > deadline:
                 raise ExecutionLost("The executions are restarting; repeat the step.", 1.0) from error
+        _give_back_connection()
         time.sleep(PAUSE_SECONDS)
+
+
+def _give_back_connection() -> None:
+    """Where threads share some connections to the database: who waits for an execution must not hold one meanwhile."""
+    if "pool" in connection.settings_dict["OPTIONS"]:
+        connection.close()
 
 
 def record_return(handle: Handle, episode: dict[str, Any]) -> None:

@@ -82,9 +82,15 @@ def database(name: str, default: str) -> dict[str, Any]:
     return dict(settings)
 
 
-def pool(size: int) -> dict[str, Any]:
-    """psycopg_pool's settings: at most so many connections of one process, and how long a thread waits for one."""
-    return {"min_size": 0, "max_size": size, "timeout": 5.0}
+def postgres(connections: int) -> dict[str, Any]:
+    """How a process is connected to PostgreSQL: by so many connections at most, for one of which a thread waits 5 s.
+
+    libpq gives up on a server that is cut off; psycopg's pool begins anew with each wish for a connection, as its own pauses
+    between attempts would grow to minutes.
+    """
+    pool = {"min_size": 0, "max_size": connections, "timeout": 5.0, "reconnect_timeout": 2.0}
+    cut_off = {"connect_timeout": 5, "tcp_user_timeout": 15_000, "keepalives_idle": 10, "keepalives_interval": 5}
+    return {"pool": pool, "keepalives_count": 2, **cut_off}
 
 
 def redis(name: str) -> str:

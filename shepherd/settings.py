@@ -75,10 +75,8 @@ if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
         "init_command": "PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; PRAGMA foreign_keys=ON;",
     }
 else:  # a web process has more threads than a database takes connections: those at work share a few
-    DATABASES["default"] |= {
-        "CONN_MAX_AGE": 0,
-        "OPTIONS": {"pool": env.pool(env.integer("SHEPHERD_DATABASE_POOL", 8, 1))},
-    }
+    own = env.postgres(env.integer("SHEPHERD_DATABASE_POOL", 8, 1))
+    DATABASES["default"] |= {"CONN_MAX_AGE": 0, "OPTIONS": own | DATABASES["default"].get("OPTIONS", {})}
 DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
 
 REDIS_URL = env.redis("REDIS_URL")

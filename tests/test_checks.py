@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import subprocess
 import sys
@@ -114,3 +115,11 @@ def test_secrets_are_made_once_and_for_this_user_only(tmp_path: Path) -> None:
     assert manage(tmp_path, "check").returncode == 0
     assert (path.read_text(), path.stat().st_mode & 0o777) == (made, 0o600)
     assert len(made) >= 50
+
+
+def test_options_in_the_address_of_the_database_hold(tmp_path: Path) -> None:
+    show = "from django.conf import settings; print(settings.DATABASES['default']['OPTIONS'])"
+    url = "postgres://me@db/shepherd?sslmode=require&connect_timeout=9"
+    done = manage(tmp_path, "shell", "-v", "0", "-c", show, DATABASE_URL=url, SHEPHERD_DATABASE_POOL="3")
+    options = ast.literal_eval(done.stdout.splitlines()[-1])
+    assert (options["sslmode"], options["connect_timeout"], options["pool"]["max_size"]) == ("require", 9, 3)

@@ -8,12 +8,13 @@ from django.http import HttpRequest, HttpResponse
 
 from envs_app import openapi
 from envs_app.errors import UnknownSession
+from envs_app.handles import handles
 from envs_app.metrics import observe_step
 from envs_app.problems import refusal_of
 from envs_app.renderers import json_response
 from envs_app.requests import Caller, read_bearer, read_object
 from envs_app.serializers import read_step, write_reply
-from envs_app.sessions import handles, step
+from envs_app.sessions import step
 from envs_app.steps import Reply, Step
 from envs_app.views.slim import SlimView
 

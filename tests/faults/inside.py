@@ -13,17 +13,20 @@ from shepherd_client import Session
 
 from envs_app.execution.saves import SaveStore
 from envs_app.execution.storage import Folder
+from envs_app.transports.base import Transport
 from envs_app.transports.local.client import LocalTransport
 from envs_app.transports.local.places import Places
+from envs_app.transports.redis.client import RedisTransport
 from tests.faults.players import query
 from tests.servers import Server
 
 HERE = [0.1, -0.2, 0.3, -0.4]  # an observation
 
 
-def transport(server: Server) -> LocalTransport:
+def transport(server: Server) -> Transport:
     """The transport of the server's web processes."""
-    return LocalTransport(Places(server.data))
+    url = server.environment.get("REDIS_URL")
+    return RedisTransport(url) if url else LocalTransport(Places(server.data))
 
 
 def executions_of(server: Server, agent: str) -> list[dict[str, Any]]:

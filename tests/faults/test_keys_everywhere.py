@@ -36,7 +36,7 @@ def test_a_revoked_key_opens_nothing_anywhere_within_seconds(
         session.act([0.0] * 4)  # its execution is there
         assert [step(own, process, session.key) for process in (0, 1)] == [200, 200]  # both know it
         own.manage("shell", "-v", "0", "-c", REVOKE.format(agent=number))  # in a third process, as on another machine
-        time.sleep(2.5)  # sessions.REFRESH_SECONDS
+        time.sleep(2.5)  # handles.REFRESH_SECONDS
         assert [step(own, process, session.key) for process in (0, 1)] == [401, 401]
         with pytest.raises(InvalidApiKey):
             client.session()

@@ -14,7 +14,9 @@ import psutil
 from tests.servers import Server
 from tests.services import PostgresServer, RedisServer, running
 
-SLOTS = 12  # of each worker: one alone has room for the clients of a test
+SLOTS = 24  # of each worker: one alone has room for the clients of a test
+CONNECTIONS = 12  # that PostgreSQL takes, and
+POOL = 2  # that a process has: the threads of a web process share them
 
 
 class Scaled(Server):
@@ -23,6 +25,7 @@ class Scaled(Server):
     def __init__(self, data: Path, redis: RedisServer, postgres: PostgresServer, **environment: Any) -> None:
         self.redis, self.postgres = redis, postgres
         own = {"REDIS_URL": redis.url, "DATABASE_URL": postgres.url, "SHEPHERD_SLOTS": SLOTS}
+        own |= {"SHEPHERD_DATABASE_POOL": POOL}
         super().__init__(data, own | environment, ("scaled",))
 
     def part(self, name: str) -> int | None:
@@ -46,7 +49,7 @@ class Scaled(Server):
 def running_scaled(**environment: Any) -> Iterator[Scaled]:
     """The whole set-up, ready, and ended afterwards. Fails when it leaves a process behind."""
     data = Path(tempfile.mkdtemp(prefix="shepherd-"))
-    with running(RedisServer()) as redis, running(PostgresServer()) as postgres:
+    with running(RedisServer()) as redis, running(PostgresServer(max_connections=CONNECTIONS)) as postgres:
         server = Scaled(data, redis, postgres, **environment)
         try:
             server.wait_until_ready()

@@ -29,58 +29,58 @@ def expect_refusals(players: Players) -> None:
     assert all(refusal.retry_after for refusal in players.refused())
 
 
-def expect_workers(scaled: Scaled) -> None:
+def expect_workers(own: Scaled) -> None:
     """Both workers say that they live, and watch over their executions: one that is killed is buried."""
-    room = RedisTransport(scaled.redis.url).room
+    room = RedisTransport(own.redis.url).room
     wait_for(lambda: len(room.machines()) == 2, what="both workers")
-    killed = min(scaled.execution_pids())
+    killed = min(own.execution_pids())
     os.kill(killed, signal.SIGKILL)
-    wait_for(lambda: "SIGKILL" in last_error(scaled), what="the death to be noted")
+    wait_for(lambda: "SIGKILL" in last_error(own), what="the death to be noted")
 
 
-def last_error(scaled: Scaled) -> str:
+def last_error(own: Scaled) -> str:
     """What went wrong last in an execution, as the administration has it."""
-    rows = query(scaled, "SELECT summary FROM agents_app_executionerror ORDER BY created_at DESC LIMIT 1")
+    rows = query(own, "SELECT summary FROM agents_app_executionerror ORDER BY created_at DESC LIMIT 1")
     return rows[0][0] if rows else ""
 
 
-def test_redis_is_paused(scaled: Scaled, agent: Agent) -> None:
-    with playing(scaled, agent("paused Redis")[1]) as players:
-        scaled.redis.pause()
+def test_redis_is_paused(own: Scaled, agent: Agent) -> None:
+    with playing(own, agent("killed")[1]) as players:
+        own.redis.pause()
         end = time.monotonic() + PAUSE_SECONDS
         expect_refusals(players)
-        assert not scaled.is_ready()
-        with urllib.request.urlopen(f"{scaled.url}healthz", timeout=30) as answer:
+        assert not own.is_ready()
+        with urllib.request.urlopen(f"{own.url}healthz", timeout=30) as answer:
             assert answer.status == 200
         time.sleep(max(0.0, end - time.monotonic()))
-        scaled.redis.resume()
-        players.play_on()
+        own.redis.resume()
+        players.play_on(1)
 
 
-def test_redis_is_flushed(scaled: Scaled, agent: Agent) -> None:
+def test_redis_is_flushed(own: Scaled, agent: Agent) -> None:
     """It is told again by those who live; nobody is given a second execution, which would not know its sessions."""
-    with playing(scaled, agent("flushed Redis")[1]) as players:
-        executions = scaled.execution_pids()
+    with playing(own, agent("killed")[1]) as players:
+        executions = own.execution_pids()
         for _ in range(2):
-            scaled.redis.command("flushall")
-            players.play_on()
-        assert set(executions) <= set(scaled.execution_pids())
-        assert len(scaled.execution_pids()) == len(executions)
+            own.redis.command("flushall")
+            players.play_on(1)
+        assert set(executions) <= set(own.execution_pids())
+        assert len(own.execution_pids()) == len(executions)
 
 
-def test_redis_is_killed_and_comes_back_empty(scaled: Scaled, agent: Agent) -> None:
-    with playing(scaled, agent("killed Redis")[1]) as players:
-        scaled.redis.kill()
+def test_redis_is_killed_and_comes_back_empty(own: Scaled, agent: Agent) -> None:
+    with playing(own, agent("killed")[1]) as players:
+        own.redis.kill()
         expect_refusals(players)
-        scaled.redis.start()
-        players.play_on()
-        expect_workers(scaled)
+        own.redis.start()
+        players.play_on(1)
+        expect_workers(own)
 
 
-def test_redis_is_out_of_memory(scaled: Scaled, agent: Agent) -> None:
-    with playing(scaled, agent("full Redis")[1]) as players:
-        scaled.redis.command("config", "set", "maxmemory", "1")
+def test_redis_is_out_of_memory(own: Scaled, agent: Agent) -> None:
+    with playing(own, agent("killed")[1]) as players:
+        own.redis.command("config", "set", "maxmemory", "1")
         expect_refusals(players)
-        scaled.redis.command("config", "set", "maxmemory", "0")
-        players.play_on()
-        expect_workers(scaled)
+        own.redis.command("config", "set", "maxmemory", "0")
+        players.play_on(1)
+        expect_workers(own)

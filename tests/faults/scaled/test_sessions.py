@@ -24,5 +24,5 @@ class ScaledOut(session_machine.SessionMachine):
 
 
 @pytest.mark.service
-def test_sessions_are_answered_as_the_model_says(scaled: Scaled, agent: Callable[[str], tuple[str, str]]) -> None:
-    session_machine.run(ScaledOut, scaled, agent("any order")[1], examples=2)
+def test_sessions_are_answered_as_the_model_says(own: Scaled, agent: Callable[[str], tuple[str, str]]) -> None:
+    session_machine.run(ScaledOut, own, agent("any order")[1], examples=2)

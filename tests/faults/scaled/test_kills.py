@@ -1,0 +1,65 @@
+"""kill -9 of any part of the scaled-out set-up, and what embedded survives, too: the same tests."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+
+import pytest
+
+from tests.faults.inside import executions_of
+from tests.faults.players import errors_of, playing
+from tests.faults.scaled.setup import Scaled
+from tests.faults.test_killed_parts import (  # noqa: F401 - run here, too
+    test_clients_survive_the_death_of_all_executions_at_once,
+    test_clients_survive_the_death_of_an_execution,
+    test_clients_survive_the_death_of_web_processes,
+    test_learning_goes_on_from_a_save_at_most_one_interval_old,
+)
+from tests.servers import wait_for
+
+pytestmark = pytest.mark.service
+
+Agent = Callable[[str], tuple[str, str]]
+
+
+def test_clients_survive_the_death_of_a_worker(own: Scaled, agent: Agent) -> None:
+    """Its executions save and end; those of the other worker take over, and another worker is started."""
+    with playing(own, agent("killed")[1]) as players:
+        killed = own.part("worker1")
+        os.kill(killed, signal.SIGKILL)
+        players.play_on()
+        wait_for(lambda: own.part("worker1") not in (None, killed), what="another worker")
+
+
+def test_clients_survive_the_loss_of_a_worker_with_all_its_executions(own: Scaled, agent: Agent) -> None:
+    """As when a machine is switched off: nobody can say that they are dead."""
+    with playing(own, agent("killed")[1]) as players:
+        os.killpg(own.part("worker2"), signal.SIGKILL)
+        players.play_on()
+
+
+def test_clients_notice_nothing_of_the_death_of_beat(own: Scaled, agent: Agent) -> None:
+    """What happens meanwhile is noted when it is back."""
+    identity, key = agent("killed")
+    with playing(own, key) as players:
+        noted = len(errors_of(own, identity))
+        killed = own.part("beat")
+        os.killpg(killed, signal.SIGKILL)
+        os.kill(executions_of(own, identity)[0]["pid"], signal.SIGKILL)
+        players.play_on()
+        wait_for(lambda: len(errors_of(own, identity)) > noted, what="the death to be noted")
+        assert own.part("beat") != killed
+
+
+def test_a_hung_execution_holds_up_nobody_else(own: Scaled, agent: Agent) -> None:
+    with playing(own, agent("killed")[1]) as players:
+        hung = own.execution_pids()[0]
+        os.kill(hung, signal.SIGSTOP)
+        before = [len(player.episodes) for player in players]
+        wait_for(
+            lambda: sum(len(p.episodes) > b + 2 for p, b in zip(players, before, strict=True)) >= 7, 60, "the others"
+        )
+        os.kill(hung, signal.SIGCONT)
+        players.play_on(1)
