@@ -33,7 +33,10 @@ UNFOLD = {
     "SITE_URL": None,
     "SHOW_VIEW_ON_SITE": False,
     "BORDER_RADIUS": "8px",
-    "STYLES": [lambda request: static("agents_app/admin.css")],
+    "STYLES": [
+        lambda request: static("agents_app/live/live.css"),
+        lambda request: static("agents_app/admin.css"),
+    ],
     "COLORS": {
         "primary": {
             "50": "oklch(98.4% .014 180.7)",

@@ -29,9 +29,9 @@ from django.urls import URLPattern, path, reverse
 from django.utils.cache import add_never_cache_headers
 from django.utils.text import slugify
 
-from agents_app import curves, services
+from agents_app import live, services
 from agents_app.admin.key_form import KeyForm, RenewalForm, sentences_of
-from agents_app.fleet import get_fleet
+from agents_app.live import run_of
 from agents_app.models import Agent, APIKey, ExecutionError, Run
 
 ERRORS_SHOWN = 5
@@ -140,19 +140,12 @@ class AgentPages:
 
     def curve_view(self, request: HttpRequest, object_id: str) -> HttpResponse:
         """The curve of a run as JSON; short when the reader has all of it."""
-        run = run_of(request, self.agent_of(request, object_id))
-        if request.GET.get("version") == str(curves.version(run)):
-            return JsonResponse({"unchanged": True})
-        return JsonResponse(curves.read(run, by_execution=request.GET.get("by") == "execution"))
+        return JsonResponse(live.curve(request, self.agent_of(request, object_id)))
 
     def live_view(self, request: HttpRequest, object_id: str) -> HttpResponse:
         """Executions and last errors as JSON."""
         agent = self.agent_of(request, object_id)
-        notice, executions = "", []
-        try:
-            executions = get_fleet().status(str(agent.pk))
-        except ConnectionError as error:
-            notice = f"The executions cannot be reached: {error}"
+        executions, notice = live.executions(agent)
         errors = ExecutionError.objects.filter(run__agent=agent).order_by("-created_at", "-pk")[:ERRORS_SHOWN]
         return JsonResponse({"executions": executions, "notice": notice, "errors": [as_json(e) for e in errors]})
 
@@ -269,14 +262,6 @@ def live_context(request: HttpRequest, agent: Agent) -> dict[str, Any]:
         "live_url": reverse("admin:agents_app_agent_live_view", args=[agent.pk]),
         "curve_url": reverse("admin:agents_app_agent_curve_view", args=[agent.pk]),
     }
-
-
-def run_of(request: HttpRequest, agent: Agent) -> Run:
-    """The run that the address names, else the current one. Raises Http404."""
-    number = request.GET.get("run", "")
-    if not number:
-        return agent.current_run()
-    return get_object_or_404(Run, agent=agent, number=int(number) if number.isascii() and number.isdigit() else 0)
 
 
 def page_of(agent: Agent, run: Run | None = None) -> str:

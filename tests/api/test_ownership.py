@@ -87,7 +87,7 @@ def rows() -> dict[str, list]:
 def test_there_is_something_to_walk(foreign):
     walked = set(addresses(foreign))
     assert {"/api/v1/agent", "/api/v1/agent/returns", "/api/v1/agent/model", "/shepherd/env/"} <= walked
-    assert any(str(foreign.pk) in address for address in walked)
+    assert {f"/agents/{foreign.pk}/", f"/agents/{foreign.pk}/executions.json"} <= walked
 
 
 @pytest.mark.parametrize("kind", KINDS)

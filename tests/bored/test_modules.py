@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -12,6 +13,7 @@ from tests.clients.driving import NEEDS_NODE, PROJECT
 from tests.servers import Server
 
 HOME = PROJECT / "frontend" / "bored"
+LIVE = PROJECT / "frontend" / "agents"  # the live page of an agent, beside it
 
 
 def run(*command: str, **environment: str) -> None:
@@ -22,8 +24,9 @@ def run(*command: str, **environment: str) -> None:
 
 
 @NEEDS_NODE
-def test_the_modules_pass_their_tests() -> None:
-    run("node", "--test", *sorted(str(path) for path in (HOME / "test").glob("*.test.js")))
+@pytest.mark.parametrize("home", [HOME, LIVE], ids=lambda home: home.name)
+def test_the_modules_pass_their_tests(home: Path) -> None:
+    run("node", "--test", *sorted(str(path) for path in (home / "test").glob("*.test.js")))
 
 
 @NEEDS_NODE
@@ -44,7 +47,8 @@ def test_a_visitor_and_an_agent_understand_each_other(server: Server) -> None:
     )
 
 
-def test_the_types_hold() -> None:
+@pytest.mark.parametrize("home", [HOME, LIVE], ids=lambda home: home.name)
+def test_the_types_hold(home: Path) -> None:
     if not (HOME / "node_modules" / "typescript").exists():
         pytest.skip("TypeScript is not installed: npm install, in frontend/bored")
-    run("npm", "run", "types")
+    run("npm", "exec", "--", "tsc", "--project", str(home))

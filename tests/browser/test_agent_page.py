@@ -58,13 +58,20 @@ def add_returns(agent, count, executions=2):
     )
 
 
+def click(page, css):
+    """In the middle of the window: the bar with the form's buttons covers what lies at its lower edge."""
+    element = page.find_element(By.CSS_SELECTOR, css)
+    page.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
+    element.click()
+
+
 def part(page, name):
     return page.find_element(By.CSS_SELECTOR, f'[data-part="{name}"]')
 
 
 def test_the_page_is_alive(page, agent, fleet, complaints, hosts, live_server):
     wait_for(page, lambda: "No episode has ended yet" in part(page, "chart").text)
-    assert "No execution is running" in part(page, "no-executions").text
+    assert "No execution is running" in part(page, "advice-words").text
     page.execute_script("window.notReloaded = true")
 
     add_returns(agent, 300)
@@ -80,8 +87,10 @@ def test_the_page_is_alive(page, agent, fleet, complaints, hosts, live_server):
         {"number": 2, "state": "waiting", "steps": 7, "memory": 12_000_000, "advises": [1]},
     ]
     wait_for(page, lambda: part(page, "summary").text.startswith("300 episodes"))
-    wait_for(page, lambda: len(part(page, "executions").find_elements(By.TAG_NAME, "tr")) == 2)
+    wait_for(page, lambda: len(part(page, "executions").find_elements(By.CSS_SELECTOR, "tbody tr")) == 2)
     assert "12,345" in part(page, "executions").text
+    assert part(page, "advice-words").text == "1 of 2 pairs of executions advise."
+    assert len(page.find_elements(By.CSS_SELECTOR, ".sh-advice .arrow")) == 1
 
     add_returns(agent, 50)
     wait_for(page, lambda: part(page, "summary").text.startswith("350 episodes"))
@@ -94,7 +103,7 @@ def test_the_page_is_alive(page, agent, fleet, complaints, hosts, live_server):
         traceback="Traceback: line 1",
     )
     wait_for(page, lambda: "ValueError: <b>wrong</b>" in part(page, "errors").text)
-    page.find_element(By.CSS_SELECTOR, '[data-part="errors"] summary').click()
+    click(page, '[data-part="errors"] summary')
     assert "Traceback: line 1" in part(page, "errors").text
 
     Select(part(page, "by")).select_by_value("execution")
@@ -108,7 +117,7 @@ def test_the_page_is_alive(page, agent, fleet, complaints, hosts, live_server):
 def test_a_key_is_made_and_revoked(page, agent):
     part_of_form = page.find_element(By.CSS_SELECTOR, "#shepherd-live input[name=name]")
     part_of_form.send_keys("lab")
-    page.find_element(By.CSS_SELECTOR, "#shepherd-live .sh-primary").click()
+    click(page, "#shepherd-live .sh-primary")
     secret = wait_for(page, lambda: page.find_element(By.ID, "secret").text)
     assert secret.startswith("sk_")
     page.find_element(By.LINK_TEXT, "I have it, back to the agent").click()

@@ -29,6 +29,7 @@ def test_it_trains_says_where_to_look_goes_on_serving_and_ends_with_ctrl_c(demo:
     assert "300/300" in printed
     assert re.search(r"log in +name admin, password \S+ \(shown this once\)", printed)
     assert re.search(r"administration +http://127.0.0.1:\d+/admin/agents_app/agent/[0-9a-f-]{36}/change/", printed)
+    assert re.search(r"watch it learn +http://127.0.0.1:\d+/agents/[0-9a-f-]{36}/ ", printed)
     assert [child.cmdline()[-1] for child in psutil.Process(demo.pid).children()] == ["serve"]
     assert demo.stop(signal.SIGINT) == 0
     assert demo.processes() == []

@@ -51,6 +51,8 @@ DEMOS: dict[str, dict[str, Any]] = {
         "sessions_per_execution": 1000,
         "answer_within": 15 * 60,
         "save_interval": 64,
+        "public": True,  # its page is there for everybody, too
+        "counted_in": "Europe/Brussels",
         "parameters": {
             "n_steps": 64,
             "batch_size": 64,

@@ -133,6 +133,7 @@ def where_to_look(url: str, agent: Agent, credentials: dict[str, Any]) -> str:
     return f"""
 Where to look now (the learning curve is on the page of the agent):
   administration   {url}admin/agents_app/agent/{agent.pk}/change/
+  watch it learn   {url}agents/{agent.pk}/   (once logged in; for everybody, when you tick that it is public)
   log in           {login}
   API              {url}api/docs/
   a page to try    {url}bored/   (Bored in the city: its visitors train an agent)

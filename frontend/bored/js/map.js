@@ -85,6 +85,17 @@ export class CityMap {
     if (places.length) this.#look(places.map(({ place }) => [place.lat, place.lon]));
   }
 
+  /**
+   * A circle for each place, instead of pins.
+   * @param {{place: Place, told: string, radius: number, className: string}[]} circles radius in pixels
+   */
+  showCircles(circles) {
+    this.clear();
+    for (const { place, told, radius, className } of circles) {
+      L.circleMarker([place.lat, place.lon], { radius, className }).bindTooltip(told).addTo(this.marks);
+    }
+  }
+
   /** @param {Place} place */
   focus(place) {
     this.#look([[place.lat, place.lon]]);

@@ -9,8 +9,8 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
 
+from frontend.bored_pages import map_file
 from frontend.street_map import Feature, convert
-from frontend.views import map_file
 
 ATTRIBUTION = "© OpenStreetMap contributors"
 

@@ -1,7 +1,7 @@
 // @ts-check
 /** What is sent and kept, and a button that deletes it. */
 
-import { button, h } from "../dom.js";
+import { button, h, link } from "../dom.js";
 
 /** @typedef {import("../app.js").App} App */
 
@@ -19,6 +19,7 @@ export function privacyPage(app) {
     ...part("privacy.sent", h("p", {}, texts.say("privacy.sent.text"))),
     ...part("privacy.kept", ...kept),
     ...part("privacy.others", ...others(app).map((sentence) => h("p", {}, sentence))),
+    ...(config.live ? [livePage(app, config.live)] : []),
     forgetting(app),
     ...part("credits", h("p", {}, texts.say("credits.text", { count: app.places.list.length }))),
   );
@@ -33,6 +34,15 @@ function others({ texts, config }) {
   if (config.tiles) sentences.push(texts.say("privacy.others.tiles", { host: hostOf(config.tiles.url) }));
   if (config.routing) sentences.push(texts.say("privacy.others.routing", { host: hostOf(config.routing) }));
   return sentences.length ? sentences : [texts.say("privacy.others.none")];
+}
+
+/**
+ * What all visitors together have loved.
+ * @param {App} app
+ * @param {string} address on the server
+ */
+function livePage({ texts, config }, address) {
+  return link("heart", texts.say("live"), new URL(address, config.server).href);
 }
 
 /** Asks once more. @param {App} app */

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from django.conf import settings
 from django.http import Http404, HttpRequest, JsonResponse
 from django.http.response import HttpResponseBase
+from django.urls import reverse
 from django.views.decorators.gzip import gzip_page
 from django.views.decorators.http import require_safe
-from django.views.static import serve
 
-from agents_app.models import Agent, APIKey
+from agents_app.models import Agent, APIKey, hash_key
+from frontend.files import revalidated, serve_file, serve_part
 
 AGENT = "Bored in the city"
 FOLDER = Path(__file__).resolve().parent / "bored"
@@ -24,17 +24,20 @@ TOOLS = {"package.json", "package-lock.json", "tsconfig.json", "README.md"}
 @gzip_page
 def page(request: HttpRequest, file: str = "index.html") -> HttpResponseBase:
     """A file of the page. Browsers ask each time whether it has changed, so that all files are of one version."""
-    folder, slash, _ = file.partition("/")
-    if (slash and folder not in PUBLIC) or file in TOOLS or file.startswith("."):
+    if "/" in file:
+        return serve_part(request, FOLDER, file, PUBLIC)
+    if file in TOOLS or file.startswith("."):
         raise Http404
-    return _revalidated(serve(request, file, document_root=str(FOLDER)))
+    return serve_file(request, FOLDER, file)
 
 
 @require_safe
 def config(request: HttpRequest) -> HttpResponseBase:
     """What the page needs to know (js/config.js says what it means)."""
+    key = settings.BORED_KEY or _published_key()
     told = {
-        "key": settings.BORED_KEY or _published_key(),
+        "key": key,
+        "live": _live_page_of(key),
         "tiles": {"url": settings.BORED_TILES, "attribution": settings.BORED_ATTRIBUTION}
         if settings.BORED_TILES
         else None,
@@ -42,14 +45,14 @@ def config(request: HttpRequest) -> HttpResponseBase:
         "map": "map.json" if map_file().exists() else "sketch.json",
         "sessionDays": settings.SESSION_DAYS,
     }
-    return _revalidated(JsonResponse(told))
+    return revalidated(JsonResponse(told))
 
 
 @require_safe
 @gzip_page
 def street_map(request: HttpRequest) -> HttpResponseBase:
     """The streets that the operator has imported (`manage.py import_map`)."""
-    return _revalidated(serve(request, map_file().name, document_root=str(map_file().parent)))
+    return serve_file(request, map_file().parent, map_file().name)
 
 
 def map_file() -> Path:
@@ -63,6 +66,7 @@ def _published_key() -> str | None:
     return next((key for agent in agents if (key := APIKey.published_for(agent))), None)
 
 
-def _revalidated(response: Any) -> HttpResponseBase:
-    response.headers["Cache-Control"] = "no-cache"
-    return response
+def _live_page_of(key: str | None) -> str | None:
+    """The address of the live page of the key's agent, if everybody may see it."""
+    agent = Agent.objects.filter(api_keys__hash=hash_key(key or ""), public=True).first()
+    return agent and reverse("agent", args=[agent.pk])
