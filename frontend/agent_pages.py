@@ -25,6 +25,7 @@ from agents_app.fleet import ExecutionStatus
 from agents_app.models import Agent
 from frontend import bored_pages
 from frontend.files import serve_part
+from frontend.sharing import Recent
 
 FOLDER = Path(__file__).resolve().parent / "agents"
 PUBLIC = {"css", "js"}
@@ -70,27 +71,43 @@ def page(request: HttpRequest, agent: Agent) -> HttpResponse:
     return render(request, "frontend/agent.html", context)
 
 
+def shared(tell: Callable[[HttpRequest, Agent], dict[str, Any]]) -> View:
+    """A view of what `tell` says as JSON. Strangers who ask for the same within a second are told the same."""
+    recent = Recent()
+
+    @wraps(tell)
+    def view(request: HttpRequest, agent: Agent) -> HttpResponse:
+        if owns(request, agent):
+            return JsonResponse(tell(request, agent))
+        return JsonResponse(recent.get((agent.pk, request.META["QUERY_STRING"]), lambda: tell(request, agent)))
+
+    return view
+
+
 @shown
-def curve(request: HttpRequest, agent: Agent) -> HttpResponse:
+@shared
+def curve(request: HttpRequest, agent: Agent) -> dict[str, Any]:
     """The curve of a run; short when the reader has all of it."""
-    return JsonResponse(live.curve(request, agent))
+    return live.curve(request, agent)
 
 
 @shown
-def executions(request: HttpRequest, agent: Agent) -> HttpResponse:
+@shared
+def executions(request: HttpRequest, agent: Agent) -> dict[str, Any]:
     """The live executions, and whether they can be asked."""
     statuses, notice = live.executions(agent)
     told = [for_everybody(status, owns(request, agent)) for status in statuses]
-    return JsonResponse({"executions": told, "notice": notice and "The executions cannot be reached just now."})
+    return {"executions": told, "notice": notice and "The executions cannot be reached just now."}
 
 
 @shown
-def actions(request: HttpRequest, agent: Agent) -> HttpResponse:
+@shared
+def actions(request: HttpRequest, agent: Agent) -> dict[str, Any]:
     """What is counted of a run's actions; short when the reader has all of it."""
     run = live.run_of(request, agent)
     if live.has_all(request, tallies.version(run)):
-        return JsonResponse(live.UNCHANGED)
-    return JsonResponse(tallies.read(run))
+        return live.UNCHANGED
+    return tallies.read(run)
 
 
 @require_safe

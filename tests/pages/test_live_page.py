@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import uuid
+from itertools import count
 
 import pytest
 from django.test import Client
@@ -11,6 +12,7 @@ from django.urls import reverse
 
 from agents_app import tallies
 from agents_app.models import APIKey
+from frontend.sharing import KEPT, Recent
 from tests.agents.makers import make_agent, make_staff, make_user
 from tests.browser.visits import OBSERVATION, PLACES
 
@@ -40,6 +42,21 @@ STATUS = {
 def stranger():
     """A browser that nobody has logged in with."""
     return Client()
+
+
+@pytest.fixture(autouse=True)
+def _seconds_pass(monkeypatch):
+    """So that nothing is shared that is not meant to be."""
+    seconds = count(0.0, 10.0)
+    monkeypatch.setattr("frontend.sharing.monotonic", lambda: next(seconds))
+
+
+@pytest.fixture
+def clock(_seconds_pass, monkeypatch):
+    """The clock of what strangers share, which a test winds."""
+    at = [1000.0]
+    monkeypatch.setattr("frontend.sharing.monotonic", lambda: at[0])
+    return at
 
 
 def pages(of):
@@ -120,6 +137,39 @@ def test_a_public_page_tells_no_secret(stranger, agent, fleet):
     [execution] = stranger.get(reverse("agent-executions", args=[agent.pk])).json()["executions"]
     assert execution["advisors"] == [2, "another agent"]
     assert set(execution) == {"number", "state", "sessions", "steps", "steps_per_second", "advises", "advisors"}
+
+
+def test_strangers_who_ask_at_once_cost_one_question(stranger, client, agent, fleet, clock):
+    address = reverse("agent-executions", args=[publish(agent).pk])
+    first = [stranger.get(address).json() for _ in range(3)]
+    assert first == [first[0]] * 3
+    assert len(fleet.calls) == 1
+    client.get(address)
+    assert len(fleet.calls) == 2
+    clock[0] += 1.0
+    stranger.get(address)
+    assert len(fleet.calls) == 3
+
+
+def test_what_strangers_share_is_of_one_agent_and_one_question(stranger, agent, foreign, clock):
+    addresses = [reverse("agent-curve", args=[publish(each).pk]) for each in (agent, foreign)]
+    values = [stranger.get(address).json()["lines"][0]["value"] for address in addresses]
+    assert values == [[7.5], [123.25]]
+    assert stranger.get(addresses[0], {"by": "execution"}).json()["lines"][0]["name"] == "execution 1"
+
+
+def test_an_agent_that_is_public_no_more_is_gone_at_once(stranger, agent, clock):
+    address = reverse("agent-curve", args=[publish(agent).pk])
+    assert stranger.get(address).status_code == 200
+    publish(agent, public=False)
+    assert stranger.get(address).status_code == 404
+
+
+def test_no_more_answers_are_kept_than_there_is_room_for(clock):
+    recent, made = Recent(), []
+    for key in [*range(KEPT), 0, KEPT, 1, 0]:
+        recent.get(key, lambda key=key: made.append(key))
+    assert made == [*range(KEPT), KEPT, 0]
 
 
 def test_the_owner_reads_who_advises(client, agent, fleet):
