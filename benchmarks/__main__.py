@@ -25,6 +25,7 @@ ROWS = {
     "login": "login, and a new execution",
     "memory": "memory of an execution",
     "kill": "kill -9 of an execution",
+    "outages": "kill -9 of each part, scaled out",
     "inprocess": "Stable-Baselines3 in process; the original Shepherd",
     "bdpi": "BDPI's ensemble of critics beside a loop",
     "million": "a million EpisodeReturns",

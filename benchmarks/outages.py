@@ -1,0 +1,107 @@
+"""Scaled out: from kill -9 of a part to the next answered step of every client, eight of which step all the while."""
+
+from __future__ import annotations
+
+import os
+import signal
+import statistics
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from shepherd_client import Client
+
+from benchmarks.report import Line, Result
+from benchmarks.rig import OBSERVATIONS, make_agent
+from envs_app.transports.redis.machines import Room
+from envs_app.transports.redis.wire import Wire
+from tests.faults.scaled.setup import Scaled, running_scaled
+from tests.servers import wait_for
+
+CLIENTS, TIMES, BAR = 8, 5, 2.0
+
+
+class Stepper(threading.Thread):
+    """A client that steps without end, a hundred times a second."""
+
+    def __init__(self, client: Client, ended: threading.Event) -> None:
+        super().__init__(daemon=True)
+        self.session, self.ended, self.answered = client.session(), ended, [0.0]
+
+    def run(self) -> None:
+        """Note when each answer came."""
+        number = 0
+        while not self.ended.is_set():
+            self.session.step(OBSERVATIONS[number % len(OBSERVATIONS)], 1.0, terminated=number % 200 == 199)
+            self.answered.append(time.monotonic())
+            number += 1
+            time.sleep(0.01)
+
+    def pause_after(self, at: float) -> float:
+        """Seconds from `at` to the next answer to a step that was not under way before."""
+        sent = next(index for index, when in enumerate(self.answered) if when > at)
+        return self.answered[sent + 1] - at
+
+
+def run() -> Result:
+    """The row: the longest of all clients, for each part."""
+    ended = threading.Event()
+    with running_scaled() as server, Client(make_agent(server), server.url, patience=120) as client:
+        steppers = [Stepper(client, ended) for _ in range(CLIENTS)]
+        for stepper in steppers:
+            stepper.start()
+        wait_until_steady(server, steppers)
+        seconds = {name: [pause(server, steppers, kill) for _ in range(TIMES)] for name, kill in PARTS.items()}
+        ended.set()
+        for stepper in steppers:
+            stepper.join(60)
+    return Result("outages", [line(name, values) for name, values in seconds.items()], {"seconds": seconds})
+
+
+def pause(server: Scaled, steppers: list[Stepper], kill: Callable[[Scaled], Any]) -> float:
+    """Seconds from the kill until all clients had another answer."""
+    at = time.monotonic()
+    kill(server)
+    wait_until_steady(server, steppers)
+    return round(max(stepper.pause_after(at) for stepper in steppers), 3)
+
+
+def wait_until_steady(server: Scaled, steppers: list[Stepper]) -> None:
+    """Until all parts serve and every client had twenty more answers."""
+    time.sleep(1.0)  # until a death is seen
+    room, parts = Room(Wire(server.redis.url)), ("worker1", "worker2")
+    wait_for(lambda: {server.part(name) for name in parts} <= pids(room), what="the workers")
+    goals = [len(stepper.answered) + 20 for stepper in steppers]
+    wait_for(lambda: all(len(s.answered) >= goal for s, goal in zip(steppers, goals, strict=True)), what="answers")
+
+
+def pids(room: Room) -> set[int]:
+    """Of the workers that say that they live."""
+    return {machine["pid"] for machine in room.machines().values()}
+
+
+def line(name: str, seconds: list[float]) -> Line:
+    """A line of the table; a machine is only known to be lost when its executions' leases end."""
+    text = f"median {statistics.median(seconds):.2f} s, longest {max(seconds):.2f} s"
+    return Line(
+        f"scaled out, kill -9 of {name} to the next answered step of every client",
+        text,
+        f"< {BAR:g} s",
+        max(seconds) < BAR,
+    )
+
+
+def _restart_redis(server: Scaled) -> None:
+    server.redis.kill()
+    server.redis.start()
+
+
+PARTS: dict[str, Callable[[Scaled], Any]] = {
+    "an execution": lambda server: os.kill(server.execution_pids()[0], signal.SIGKILL),
+    "a web process": lambda server: os.kill(server.web_pids()[0], signal.SIGKILL),
+    "beat": lambda server: os.killpg(server.part("beat"), signal.SIGKILL),
+    "Redis (started again at once)": _restart_redis,
+    "a worker": lambda server: os.kill(server.part("worker1"), signal.SIGKILL),
+    "a machine with a worker": lambda server: os.killpg(server.part("worker2"), signal.SIGKILL),
+}
