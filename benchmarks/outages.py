@@ -19,7 +19,7 @@ from envs_app.transports.redis.wire import Wire
 from tests.faults.scaled.setup import Scaled, running_scaled
 from tests.servers import wait_for
 
-CLIENTS, TIMES, BAR = 8, 5, 2.0
+CLIENTS, TIMES, BAR = 8, 3, 2.0
 
 
 class Stepper(threading.Thread):
