@@ -37,8 +37,8 @@ demo: $(VENV)/.runtime  ## Serve, train an agent on Cart Pole with a real client
 test: $(VENV)/.dev  ## Run all tests
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
-bench: $(VENV)/.dev  ## Measure speed and memory, and show them beside their bars
-	$(BIN)/python -m benchmarks $(ARGS)
+bench: $(VENV)/.dev  ## Measure speed and memory, and show them beside their bars; SCALED=1: of the scaled-out set-up
+	$(BIN)/python -m benchmarks $(if $(SCALED),--scaled) $(ARGS)
 
 experiments: $(VENV)/.dev  ## Play the figures of the thesis that are missing (hours), and show them
 	$(BIN)/python -m experiments $(ARGS)

@@ -4,6 +4,7 @@ python -m benchmarks                 every row but the long ones, which are show
 python -m benchmarks step memory     some rows
 python -m benchmarks soak            what grows in ten minutes
 python -m benchmarks parity          the learning curves: an hour or two, goes on where it was interrupted
+python -m benchmarks --scaled        the rows about the scaled-out set-up (make bench SCALED=1); needs redis-server and PostgreSQL
 """
 
 from __future__ import annotations
@@ -32,21 +33,34 @@ ROWS = {
     "soak": "ten minutes of 16 clients",
     "parity": "learning over HTTP and in process",
 }
+SCALED = {
+    "scaled.step": "one client through Redis",
+    "scaled.crowd": "16 clients through Redis",
+    "scaled.kill": "kill -9 of an execution, scaled out",
+    "scaled.growth": "more processes, and more sessions that are mostly idle",
+    "scaled.many": "500 live executions",
+    "scaled.waiting": "5,000 open sessions on 64 executions",
+}
+EVERY = ROWS | SCALED
 LONG = ("soak", "parity")
 
 
 def main() -> int:
     """Measure what was asked for; the exit code tells whether anything broke, not whether the bars hold."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # through every `with`: no server is left behind
-    rows = "".join(f"\n  {name:10} {text}" for name, text in ROWS.items())
+    rows = "".join(f"\n  {name:15} {text}" for name, text in EVERY.items())
     parser = argparse.ArgumentParser(
         "python -m benchmarks", description=f"Rows:{rows}", formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("row", nargs="*", choices=[[], *ROWS], help="rows to measure; none: all but soak and parity")
-    chosen = parser.parse_args().row or [row for row in ROWS if row not in LONG]
+    parser.add_argument(
+        "row", nargs="*", choices=[[], *EVERY], help="rows to measure; none: all but the long and the scaled ones"
+    )
+    parser.add_argument("--scaled", action="store_true", help="the rows about the scaled-out set-up")
+    asked = parser.parse_args()
+    chosen = asked.row or (list(SCALED) if asked.scaled else [row for row in ROWS if row not in LONG])
     for row in chosen:
         measure(row)
-    results = [result for row in ROWS if (result := report.load(row))]
+    results = [result for row in EVERY if (result := report.load(row))]
     report.write_page(results)
     print(report.table([result for result in results if result.row in (*chosen, *LONG)]))
     return 0
@@ -54,7 +68,7 @@ def main() -> int:
 
 def measure(row: str) -> None:
     """Run one row and keep its result."""
-    print(f"{row}: {ROWS[row]} ...", file=sys.stderr, flush=True)
+    print(f"{row}: {EVERY[row]} ...", file=sys.stderr, flush=True)
     setting = report.setting()
     result = import_module(f"benchmarks.{row}").run()
     result.setting = setting | {"load_after": round(os.getloadavg()[0], 1)}

@@ -12,7 +12,7 @@ from typing import Any
 
 from benchmarks.lean import LeanHealth, LeanSession
 from benchmarks.report import Line, Result
-from benchmarks.rig import OBSERVATIONS, Player, cpu_seconds, make_agent, published, wait_until_idle
+from benchmarks.rig import OBSERVATIONS, Player, cpu_seconds, make_agent, published, step_patiently, wait_until_idle
 from tests.servers import Server, running_server
 
 PROCESSES, THREADS = 4, 4
@@ -186,7 +186,7 @@ def _caller(url: str, key: str, what: str) -> tuple[Any, Any]:
         health = LeanHealth(url)
         return health.ask, health.close
     session = LeanSession(url, key)
-    session.step(OBSERVATIONS[0])  # its execution is ready
+    step_patiently(session, OBSERVATIONS[0])  # its execution is ready
     return Player(session).step, session.close
 
 

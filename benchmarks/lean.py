@@ -67,8 +67,9 @@ class Wire:
 class LeanSession:
     """A session of the HTTP API."""
 
-    def __init__(self, url: str, api_key: str) -> None:
-        self.wire = Wire(url)
+    def __init__(self, url: str, api_key: str, wire: Wire | None = None) -> None:
+        """`wire`: a connection that it shares with other sessions of this thread."""
+        self.wire = wire or Wire(url)
         reply = orjson.loads(self.wire.exchange(self.wire.head("POST", "/api/v1/sessions", api_key), b"{}"))
         self.agent, self.key, self.seq = reply["agent"], reply["session_key"], 0
         self._step = self.wire.head("POST", "/api/v1/step", self.key)

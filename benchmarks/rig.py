@@ -7,9 +7,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import orjson
 import psutil
 
-from benchmarks.lean import LeanSession
+from benchmarks.lean import LeanSession, Refused
 from tests.servers import Server, wait_for
 
 OBSERVATIONS = np.random.default_rng(0).normal(size=(997, 8)).astype(np.float32)
@@ -52,6 +53,21 @@ def play(session: Any, steps: int) -> None:
     player = Player(session)
     for _ in range(steps):
         player.step()
+
+
+def step_patiently(session: LeanSession, obs: Any) -> int:
+    """Step, and repeat what is refused with 503 after as long as is said; how often it had to be repeated."""
+    for repeats in range(100):
+        try:
+            session.step(obs, 1.0)
+        except Refused as refused:
+            if refused.status != 503:
+                raise
+            session.seq -= 1
+            time.sleep(orjson.loads(refused.body)["retry_after"])
+        else:
+            return repeats
+    raise RuntimeError("the step was refused a hundred times")
 
 
 def add_peer(server: Server, key: str) -> LeanSession:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from benchmarks.crowd import Load
 from benchmarks.histories import CASES, Case, History, Log, path_of
 from benchmarks.parity_table import compare
 from benchmarks.report import Line, Result, table
 from benchmarks.rig import EPISODE, Player, Timings
+from benchmarks.scaled import crowd, step
 
 CASE = Case("PPO on a game", "PPO", "Game-v0", 100, 4)
 
@@ -83,3 +85,22 @@ def test_a_bar_that_fails_is_seen_in_the_table():
         "|  | rate | 9/s | 5/s | holds |",
         "|  | size | 3 |  |  |",
     ]
+
+
+def loads(rate: int, errors: list[str]) -> list[Load]:
+    return [Load(calls=rate, seconds=1.0, longest=0.1, errors=errors) for _ in range(2)]
+
+
+@pytest.mark.parametrize(
+    ("scaled", "errors", "holds"), [(700, [], True), (690, [], False), (900, ["Refused: 503"], False)]
+)
+def test_sixteen_clients_through_redis_are_beside_the_embedded_ones(scaled: int, errors: list[str], holds: bool):
+    rate, _ = crowd.lines_of(True, {"embedded": loads(1000, []), "scaled": loads(scaled, errors)})
+    assert (rate.holds, rate.measured[:4]) == (holds, f"{scaled / 1000:.2f}")
+
+
+def test_one_client_through_redis_has_a_bar_for_the_median_and_one_for_the_slowest():
+    timings = {name: Timings() for name in ("embedded", "scaled")}
+    timings["embedded"].ms, timings["scaled"].ms = [1.0] * 100, [2.0] * 97 + [20.0] * 3
+    timed = step.lines(timings)
+    assert [(line.bar, line.holds) for line in timed] == [("< 3 ms", True), ("< 15 ms", False), ("", None), ("", None)]
