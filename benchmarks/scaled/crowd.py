@@ -11,7 +11,7 @@ from benchmarks.report import Line, Result
 from benchmarks.rig import make_agent, wait_until_idle
 from benchmarks.scaled.setups import SETUPS
 
-ROUNDS, SECONDS = 3, 10.0
+ROUNDS, SECONDS = 2, 10.0
 
 
 def run() -> Result:
