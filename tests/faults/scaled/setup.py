@@ -27,12 +27,8 @@ class Scaled(Server):
     ) -> None:
         self.redis, self.postgres = redis, postgres
         own = {"REDIS_URL": redis.url, "DATABASE_URL": postgres.url, "SHEPHERD_SLOTS": SLOTS}
-<<<<<<< HEAD
         own |= {"SHEPHERD_DATABASE_POOL": POOL}
-        super().__init__(data, own | environment, ("scaled",))
-=======
         super().__init__(data, own | environment, ("scaled", *parts))
->>>>>>> 164d10e (make bench SCALED=1: rows of the scaled-out set-up beside the embedded one; kill -9 to the next answered step is under 2 s in both; a picture of it)
 
     def part(self, name: str) -> int | None:
         """The process id of web1, web2, worker1, worker2 or beat; None while it is being restarted."""
@@ -55,13 +51,8 @@ class Scaled(Server):
 def running_scaled(*parts: str, **environment: Any) -> Iterator[Scaled]:
     """The whole set-up, ready, and ended afterwards. `parts`: e.g. "--workers=4". Fails when it leaves a process behind."""
     data = Path(tempfile.mkdtemp(prefix="shepherd-"))
-<<<<<<< HEAD
     with running(RedisServer()) as redis, running(PostgresServer(max_connections=CONNECTIONS)) as postgres:
-        server = Scaled(data, redis, postgres, **environment)
-=======
-    with running(RedisServer()) as redis, running(PostgresServer()) as postgres:
         server = Scaled(data, redis, postgres, *parts, **environment)
->>>>>>> 164d10e (make bench SCALED=1: rows of the scaled-out set-up beside the embedded one; kill -9 to the next answered step is under 2 s in both; a picture of it)
         try:
             server.wait_until_ready()
             yield server
