@@ -69,4 +69,4 @@ def _published_key() -> str | None:
 def _live_page_of(key: str | None) -> str | None:
     """The address of the live page of the key's agent, if everybody may see it."""
     agent = Agent.objects.filter(api_keys__hash=hash_key(key or ""), public=True).first()
-    return agent and reverse("agent", args=[agent.pk])
+    return reverse("agent", args=[agent.pk]) if agent else None

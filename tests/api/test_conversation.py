@@ -81,6 +81,20 @@ def test_a_repeated_step_gets_its_stored_answer(player):
     assert player.step(seq=3, terminated=True).json()["episode_return"] == 2.0
 
 
+@pytest.mark.parametrize("zone", ["UTC", ""])
+def test_actions_of_episodes_of_one_step_are_counted_once_if_the_owner_asks_for_it(server, zone):
+    agent, key = server.create_agent(public="true", counted_in=zone)
+    player = Player(server, key)
+    action = player.step(seq=1).json()["action"]
+    for _ in range(2):  # as if the first answer had been lost
+        assert player.step(seq=2, reward=0.5, terminated=True).json()["episode_return"] == 0.5
+    for seq in (3, 4):
+        player.step(seq=seq)
+    player.step(seq=5, terminated=True)  # an episode of two steps
+    rows = player.http.get(f"agents/{agent}/actions.json").json()["rows"]
+    assert [(row[0], *row[2:]) for row in rows] == ([(action, 1, 0.5)] if zone else [])
+
+
 def test_a_gap_is_refused_and_the_session_goes_on(player):
     player.step(seq=1)
     assert code_of(player.step(seq=3)) == (409, "sequence_gap")

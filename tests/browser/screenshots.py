@@ -101,7 +101,7 @@ def play(url: str, key: str, seed: int) -> None:
 
 def photograph(visitor: Visitor, name: str) -> None:
     """Once the map stands still."""
-    visitor.wait(lambda: not visitor.has(".leaflet-zoom-anim, .leaflet-pan-anim, .waiting"))
+    visitor.wait(lambda: not visitor.has(".leaflet-zoom-anim, .leaflet-pan-anim, .waiting:not(.stand)"))
     visitor.photographs(TARGET / f"{name}.png")
 
 

@@ -19,6 +19,12 @@ from tests.servers import Server
 pytestmark = pytest.mark.browser
 
 SESSIONS, SUGGESTIONS = 3, 120
+MOST_PLACES_ARE_SEEN = """
+    const map = document.querySelector(".city").getBoundingClientRect();
+    const places = [...document.querySelectorAll(".city path.share")].map((place) => place.getBoundingClientRect());
+    const seen = places.filter(({x, y}) => x > map.left && x < map.right && y > map.top && y < map.bottom);
+    return seen.length > 0.75 * places.length;
+"""
 SMALL = {"n_steps": 16, "batch_size": 16, "n_epochs": 1}
 
 
@@ -80,6 +86,7 @@ def test_what_is_loved_is_shown_by_kind_by_hour_and_on_the_map(page):
     assert "Café" in kinds
     assert "%" in kinds
     page.wait(lambda: count(page, ".city path.share") > 20)
+    page.wait(lambda: page.browser.execute_script(MOST_PLACES_ARE_SEEN))
     assert count(page, "[data-part='hours'] li") == 24
     assert "Highest at" in page.sees("[data-part='peak']")
     assert count(page, "[data-part='most'] tr") == 12

@@ -15,15 +15,18 @@ const SMALLEST = 4, LARGEST = 17; // radii, pixels
 const TOUCH = matchMedia("(pointer: coarse)"); // there, one finger scrolls the page, and two move the map
 
 export class City {
+  /** Made once it is seen: a map that is hidden has no size to fit the city into. @type {CityMap | null} */
+  #map = null;
+
   /**
    * @param {Places} places
    * @param {Texts} texts
-   * @param {CityMap} map
+   * @param {() => CityMap} makeMap
    */
-  constructor(places, texts, map) {
+  constructor(places, texts, makeMap) {
     this.places = places;
     this.texts = texts;
-    this.map = map;
+    this.makeMap = makeMap;
     this.kinds = /** @type {[kind: string, name: string][]} */ (
       [...new Set(places.list.map(({ type }) => type))].map((type) => [type, texts.say(`type.${type}`)])
     );
@@ -34,13 +37,7 @@ export class City {
     const json = async (/** @type {string} */ file) => (await fetch(HOME + file)).json();
     const [places, sentences, config] = await Promise.all([Places.load(`${HOME}places.json`), json(`lang/${LANGUAGE}.json`), json("config.json")]);
     const drawing = await json(config.map);
-    const map = new CityMap(where, null, places.attribution);
-    map.draw(drawing, LANGUAGE);
-    map.map.scrollWheelZoom.disable();
-    if (TOUCH.matches) map.map.dragging.disable();
-    L.control.zoom({ position: "topright" }).addTo(map.map);
-    map.showCity();
-    return new City(places, new Texts(LANGUAGE, sentences), map);
+    return new City(places, new Texts(LANGUAGE, sentences), () => mapOf(where, places.attribution, drawing));
   }
 
   /** @param {number} action */
@@ -64,6 +61,21 @@ export class City {
       radius: SMALLEST + (LARGEST - SMALLEST) * Math.sqrt(sum.count / most),
       className: `share share-${level(mean(sum), 0, best, LEVELS)}`,
     }));
-    this.map.showCircles(circles.sort((a, b) => b.radius - a.radius)); // small ones above
+    this.#map ??= this.makeMap();
+    this.#map.showCircles(circles.sort((a, b) => b.radius - a.radius)); // small ones above
   }
+}
+
+/**
+ * @param {HTMLElement} where
+ * @param {string} attribution
+ * @param {import("../../bored/js/drawing.js").MapData} drawing
+ */
+function mapOf(where, attribution, drawing) {
+  const map = new CityMap(where, null, attribution);
+  map.draw(drawing, LANGUAGE);
+  map.map.scrollWheelZoom.disable();
+  if (TOUCH.matches) map.map.dragging.disable();
+  L.control.zoom({ position: "topright" }).addTo(map.map);
+  return map;
 }
