@@ -161,7 +161,7 @@ class EpsilonGreedy(SeesMask):
 
 def epsilon_greedy(greedy: np.ndarray, allowed: Any, actions: int, exploration: float) -> np.ndarray:
     """Probabilities, (B, A): (1 - epsilon) for the greedy action, (B,), and epsilon in equal parts for all that are allowed."""
-    anywhere = np.ones((len(greedy), actions)) if allowed is None else np.asarray(allowed)
+    anywhere = np.ones((len(greedy), actions)) if allowed is None else np.atleast_2d(allowed)
     chances = (exploration / anywhere.sum(-1, keepdims=True) * anywhere).astype(np.float32)
     chances[np.arange(len(greedy)), greedy] += 1.0 - exploration
     return chances

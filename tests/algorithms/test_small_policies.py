@@ -70,6 +70,17 @@ class TestTheSame:
             said = (quick.probabilities(obs),) if name in VALUES else quick.gaussian(obs)
             np.testing.assert_allclose(said, told(policy, obs), atol=1e-5)
 
+    def test_what_peers_hear_of_allowed_actions(self, name: str) -> None:
+        if name not in VALUES:
+            pytest.skip("only one of n actions can be forbidden")
+        policy, quick, observations = both(name, action_masks=True)
+        if hasattr(policy, "exploration"):
+            policy.exploration.fill_(0.3)
+        for obs in (with_mask(obs, ALLOWED, 3) for obs in observations):
+            said = quick.probabilities(obs)
+            assert said[1] == 0
+            np.testing.assert_allclose(said, told(policy, obs)[0], atol=1e-5)
+
     def test_after_the_weights_have_changed(self, name: str) -> None:
         policy, quick, observations = both(name)
         with th.no_grad():
