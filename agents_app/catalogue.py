@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin
@@ -69,7 +69,7 @@ def entries_of(row: Row) -> Iterator[Entry]:
         kind = type_of(parameter.annotation)
         if kind is not None and name not in LEFT_OUT:
             yield _entry(name, kind, parameter.default, plain.get(name) or docs.get(name, ""), replays)
-    yield _entry("net_arch", ParameterType.STR, None, texts.NET_ARCH)
+    yield _net_arch(row)
     if row.normalises:
         yield _entry("normalize_observations", ParameterType.BOOL, False, texts.NORMALIZE_OBSERVATIONS)
     if "action_noise" in signature:
@@ -77,6 +77,14 @@ def entries_of(row: Row) -> Iterator[Entry]:
         yield _entry("action_noise", ParameterType.STR, default, texts.ACTION_NOISE)
     if "exploration_fraction" in signature:
         yield _entry("total_timesteps", ParameterType.INT, 100_000, texts.TOTAL_TIMESTEPS)
+
+
+def _net_arch(row: Row) -> Entry:
+    """The hidden layers; algorithms that score actions can do without."""
+    entry = _entry("net_arch", ParameterType.STR, None, texts.NET_ARCH)
+    return (
+        replace(entry, help_text=texts.NET_ARCH_OR_NONE, pattern=rf"{entry.pattern}|\s*0\s*") if row.scores else entry
+    )
 
 
 def _entry(name: str, kind: ParameterType, default: Any, help_text: str, replays: bool = False) -> Entry:

@@ -24,6 +24,9 @@ ALGORITHMS = {
 }
 
 NET_ARCH = "Sizes of the hidden layers, separated by commas, e.g. 64,64. Larger networks learn more, and more slowly."
+NET_ARCH_OR_NONE = (
+    f"{NET_ARCH} 0: none, so that actions are scored by sums of what is observed; learned from the fewest steps."
+)
 NORMALIZE_OBSERVATIONS = (
     "Bring each number of an observation to mean 0 and deviation 1, as learned on the way. Turn it on when your numbers are "
     "large, or far from zero; images and whole numbers are left alone."

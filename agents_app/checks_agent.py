@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from agents_app.models.catalogue import Algorithm
 
 SPACES = ("action_space", "observation_space")
-FIXED = ("policy", *SPACES)  # what the weights depend on
+FIXED = ("policy", *SPACES, "action_features")  # what the weights depend on
 FIXED_PARAMETERS = {"net_arch", "use_sde", "n_critics", "normalize_observations"}  # too
 HAS_LEARNED = "The agent has learned with another value: reset its learning first, or make a new agent."
 LINEAR = "LinearPolicy"
@@ -53,6 +53,7 @@ def check_agent(agent: Agent) -> None:
     _check_policy(algorithm, observation_space, agent.policy)
     _check_advice(agent, algorithm, action_space)
     _check_masks(agent, algorithm, action_space)
+    _check_features(agent, algorithm, action_space)
 
 
 def check_parameters(agent: Agent, changes: dict[str, Any]) -> None:
@@ -189,6 +190,30 @@ def _check_masks(agent: Agent, algorithm: Algorithm, space: spaces.Space) -> Non
         sentence = f"{algorithm} cannot be told which actions are allowed: write no, or choose e.g. PPO."
     if sentence:
         raise ValidationError({"action_masks": sentence})
+
+
+def _check_features(agent: Agent, algorithm: Algorithm, space: spaces.Space) -> None:
+    """Features of actions that the algorithm or the actions cannot have, or that are no table."""
+    if agent.action_features is None:
+        return
+    sentence = ""
+    if not isinstance(space, spaces.Discrete):
+        sentence = "Only one of n actions can have features: leave it empty."
+    elif not get_row(algorithm.name).scores:
+        sentence = f"{algorithm} cannot use features of actions: leave it empty, or choose e.g. DQN."
+    elif not _is_table(agent.action_features, int(space.n)):
+        sentence = f"Write {space.n} rows, one for each action, of as many finite numbers each."
+    if sentence:
+        raise ValidationError({"action_features": sentence})
+
+
+def _is_table(rows: Any, count: int) -> bool:
+    """Whether these are `count` rows of equally many finite numbers, at least one."""
+    if not isinstance(rows, list) or len(rows) != count or not all(isinstance(row, list) and row for row in rows):
+        return False
+    numbers = [number for row in rows for number in row]
+    plain = all(isinstance(number, int | float) and not isinstance(number, bool) for number in numbers)
+    return plain and len({len(row) for row in rows}) == 1 and bool(np.isfinite(np.array(numbers, np.float32)).all())
 
 
 def _check_advice(agent: Agent, algorithm: Algorithm, space: spaces.Space) -> None:

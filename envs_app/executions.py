@@ -104,6 +104,7 @@ def agent_spec(agent: Agent, parameters: dict[str, Any]) -> AgentSpec:
         policy=agent.policy,
         parameters=defaults | parameters,
         action_masks=agent.action_masks,
+        action_features=agent.action_features,
         advice_method=agent.advice_method,
         learning_correction=agent.learning_correction,
         continuous_advice=agent.continuous_advice,

@@ -44,6 +44,7 @@ class AgentForm(forms.ModelForm):
     user: User | AnonymousUser
     action_space = SpaceField(help_text=Agent._meta.get_field("action_space").help_text)
     observation_space = SpaceField(help_text=Agent._meta.get_field("observation_space").help_text)
+    action_features = SpaceField(help_text=Agent._meta.get_field("action_features").help_text, required=False)
 
     class Meta:
         model = Agent

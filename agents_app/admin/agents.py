@@ -48,7 +48,7 @@ EXECUTIONS = (
     "start_from",
 )
 SHOWN = ("public", "counted_in")  # on the live page
-AT_RESTART = {"policy", "action_space", "observation_space", "action_masks", *ADVICE, "start_from"}
+AT_RESTART = {"policy", "action_space", "observation_space", "action_masks", "action_features", *ADVICE, "start_from"}
 AT_RESTART |= {"answer_within", "unanswered_reward"}
 
 
@@ -66,6 +66,12 @@ def takes_setting_of_masks(agent: Agent) -> bool:
     """Whether its owner decides that actions can be masked. MaskablePPO's always can be."""
     row = BY_NAME.get(agent.algorithm.name)
     return row is not None and row.masks and row.family != "maskable" and isinstance(agent.action_space, int)
+
+
+def takes_features(agent: Agent) -> bool:
+    """Whether its owner can say what the actions are like."""
+    row = BY_NAME.get(agent.algorithm.name)
+    return row is not None and row.scores and isinstance(agent.action_space, int)
 
 
 @admin.register(Agent)
@@ -95,10 +101,14 @@ class AgentAdmin(AgentPages, DeletesQuietly, OwnedAdmin):
         owner = ("owner",) if request.user.is_superuser else ()
         if obj is None:
             return [(None, {"fields": (*owner, *BASICS)})]
-        masks = ("action_masks",) if takes_setting_of_masks(obj) else ()
+        of_actions: tuple[str, ...] = ("action_masks",) if takes_setting_of_masks(obj) else ()
+        of_actions += ("action_features",) if takes_features(obj) else ()
         parameters = [PREFIX + name for name in obj.algorithm.parameters.values_list("name", flat=True)]
         return [
-            ("Agent", {"classes": ["tab"], "fields": (*owner, *BASICS, "policy", *masks, "enable_learning", *SHOWN)}),
+            (
+                "Agent",
+                {"classes": ["tab"], "fields": (*owner, *BASICS, "policy", *of_actions, "enable_learning", *SHOWN)},
+            ),
             ("Parameters", {"classes": ["tab"], "fields": parameters}),
             ("Advice", {"classes": ["tab"], **advice_fields(obj)}),
             ("Executions", {"classes": ["tab"], "fields": EXECUTIONS}),

@@ -16,7 +16,7 @@ from stable_baselines3.common.save_util import load_from_zip_file, recursive_set
 from stable_baselines3.common.vec_env import VecEnv
 from torch.nn.utils import parameters_to_vector
 
-from agents_app.algorithms import advised_off_policy, normalising
+from agents_app.algorithms import action_features, advised_off_policy, normalising
 from agents_app.algorithms.advice import advised_space
 from agents_app.algorithms.advised import AdvisedPolicy
 from agents_app.algorithms.masks import masked_space
@@ -61,6 +61,11 @@ def is_masked(spec: AgentSpec) -> bool:
     return spec.action_masks and row.masks and row.family != "maskable"
 
 
+def has_features(spec: AgentSpec) -> bool:
+    """Whether the networks score actions by their features."""
+    return bool(spec.action_features) and get_row(spec.algorithm).scores
+
+
 def seen_space(spec: AgentSpec) -> gym.Space:
     """The observation space that the algorithm is built on: with what rides in the observations."""
     space = spec.observations()
@@ -88,6 +93,8 @@ def build(spec: AgentSpec, env: gym.Env | VecEnv, seed: int | None) -> Any:
         arguments["policy_kwargs"]["mixing"] = spec.mixing()
     algorithm = paced(policy, env, device="cpu", verbose=0, seed=seed, **arguments)
     algorithm.stock_policy = stock_policy
+    if has_features(spec):
+        action_features.attach(algorithm, spec.action_features or ())
     if normaliser:
         algorithm.normaliser = normaliser
     return algorithm
@@ -121,7 +128,7 @@ def _arguments(spec: AgentSpec) -> tuple[dict[str, Any], int]:
     given = {name: value for name, value in spec.parameters.items() if name != "seed"}
     horizon = int(given.pop("total_timesteps", 100_000))
     if layers := str(given.pop("net_arch", "")):
-        given["policy_kwargs"] = {"net_arch": [int(size) for size in layers.replace(",", " ").split()]}
+        given["policy_kwargs"] = {"net_arch": [size for size in map(int, layers.replace(",", " ").split()) if size]}
     if "action_noise" in given:
         given["action_noise"] = _noise(str(given["action_noise"]), spec)
     for name in ("ent_coef", "target_entropy"):
@@ -169,9 +176,14 @@ def export(algorithm: Any, spec: AgentSpec, path: Path | BytesIO) -> None:
         if name in data:
             data[name] = None  # chosen anew for the observation space
     tensors = {name: _attribute(algorithm, name) for name in variables}
+    learned = params
+    if has_features(spec):
+        params = action_features.fold(algorithm.policy, params)
     if normaliser:
         params["policy"] = normalising.fold(normaliser, algorithm.policy, params["policy"])
     save_to_zip_file(path, data=data, params=params, pytorch_variables=tensors)
+    if has_features(spec):
+        action_features.write_beside(path, algorithm.policy, learned)
     if normaliser:
         normalising.write_beside(path, algorithm)
 
@@ -180,6 +192,7 @@ def restore(algorithm: Any, path: Path | BytesIO) -> None:
     """Take weights and optimisers from such a ZIP. Its pickled part is never read. Raises when the networks differ."""
     loaded: Any = load_from_zip_file(path, device="cpu", load_data=False)
     _, params, variables = loaded
+    action_features.read_beside(path, algorithm.policy, params)
     if hasattr(algorithm, "normaliser"):
         normalising.read_beside(path, algorithm, params["policy"])
     algorithm.set_parameters(params, exact_match=True, device="cpu")

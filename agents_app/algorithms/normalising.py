@@ -10,8 +10,7 @@ Nothing is clipped, so that a saved model can have them folded into its first la
 
 from __future__ import annotations
 
-import io
-import zipfile
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,8 @@ from stable_baselines3.common.preprocessing import is_image_space
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
+from agents_app.algorithms import beside
+from agents_app.algorithms.action_features import ScoresFeatures
 from agents_app.algorithms.riders import client_part
 
 MEMBER = "normaliser.npz"  # in a saved ZIP: the statistics, and what the folding replaced
@@ -123,30 +124,29 @@ def fold(normaliser: Normaliser, policy: nn.Module, state: dict[str, th.Tensor])
 
 
 def first_layers(policy: nn.Module) -> list[str]:
-    """The names of the layers that see the observation."""
+    """The names of the layers that see the observation: the first of each stack, or without hidden layers what is behind it."""
     stacks = [(name, module) for name, module in policy.named_modules() if isinstance(module, nn.Sequential)]
-    return [f"{name}.0" for name, stack in stacks if len(stack) and isinstance(stack[0], nn.Linear)]
+    names = [f"{name}.0" for name, stack in stacks if len(stack) and isinstance(stack[0], nn.Linear | ScoresFeatures)]
+    behind = {"mlp_extractor.policy_net": "action_net", "mlp_extractor.value_net": "value_net"}
+    return names + [behind[name] for name, stack in stacks if name in behind and not len(stack)]
 
 
-def write_beside(path: Path | io.BytesIO, algorithm: Any) -> None:
+def write_beside(path: Path | BytesIO, algorithm: Any) -> None:
     """Add to a saved ZIP what its folded network no longer tells; stock SB3 does not look at it."""
     state = algorithm.policy.state_dict()
     names = [f"{layer}.{kind}" for layer in first_layers(algorithm.policy) for kind in ("weight", "bias")]
-    arrays = {f"policy/{name}": state[name].numpy() for name in names} | algorithm.normaliser.statistics
-    file = io.BytesIO()
-    np.savez(file, **arrays)
-    with zipfile.ZipFile(path, "a") as archive:
-        archive.writestr(MEMBER, file.getvalue())
+    arrays = {
+        f"policy/{name}": state[name].numpy() for name in names if name in state
+    } | algorithm.normaliser.statistics
+    beside.write(path, MEMBER, arrays)
 
 
-def read_beside(path: Path | io.BytesIO, algorithm: Any, state: dict[str, th.Tensor]) -> None:
+def read_beside(path: Path | BytesIO, algorithm: Any, state: dict[str, th.Tensor]) -> None:
     """Take the statistics back, and put into `state` what the folding replaced. A save without them is taken as it is."""
-    with zipfile.ZipFile(path) as archive:
-        if MEMBER not in archive.namelist():
-            return
-        file = io.BytesIO(archive.read(MEMBER))
-    with np.load(file, allow_pickle=False) as arrays:
-        algorithm.normaliser.take({name: arrays[name] for name in ("count", "mean", "squares")})
-        for name in arrays.files:
-            if name.startswith("policy/"):
-                state[name.removeprefix("policy/")] = th.from_numpy(arrays[name])
+    arrays = beside.read(path, MEMBER)
+    if not arrays:
+        return
+    algorithm.normaliser.take({name: arrays[name] for name in ("count", "mean", "squares")})
+    for name, array in arrays.items():
+        if name.startswith("policy/"):
+            state[name.removeprefix("policy/")] = th.from_numpy(array)

@@ -40,6 +40,11 @@ class Row:
         return self.discrete and self.family in ("on_policy", "off_policy", "maskable")
 
     @property
+    def scores(self) -> bool:
+        """Whether it can score actions by their features: its networks end in a layer per action. Those of BDPI are stacked."""
+        return self.masks and self.name != "BDPI"
+
+    @property
     def normalises(self) -> bool:
         """Whether its observations can be normalised. CrossQ does so itself; BDPI, ARS and RecurrentPPO have other networks."""
         return self.family in ("on_policy", "maskable", "off_policy") and self.name not in ("CrossQ", "BDPI")

@@ -17,6 +17,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
+from agents_app.algorithms.action_features import ScoresFeatures
 from agents_app.algorithms.masks import allowed_of, mask_logits
 from agents_app.algorithms.normalising import Normaliser, NormalisingExtractor
 from agents_app.algorithms.riders import PLAIN, plain_space
@@ -123,6 +124,8 @@ def layers(modules: Iterable[nn.Module]) -> list[Layer]:
     for module in modules:
         if isinstance(module, nn.Linear):
             found.append((module.weight.detach().numpy(), module.bias.detach().numpy(), None))
+        elif isinstance(module, ScoresFeatures) and module.outputs_each == 1:
+            found += [(weight, bias, None) for weight, bias in module.in_numpy()]
         elif type(module) in ACTIVATIONS and found:
             found[-1] = (*found[-1][:2], ACTIVATIONS[type(module)])
         else:

@@ -22,6 +22,7 @@ class AgentSpec:
     policy: str = "auto"
     parameters: dict[str, Any] = field(default_factory=dict)
     action_masks: bool = False
+    action_features: list[list[float]] | None = None  # a row per action
     advice_method: str = "none"
     learning_correction: bool = True
     continuous_advice: str = "mean"

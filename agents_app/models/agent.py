@@ -84,6 +84,12 @@ class Agent(models.Model):
         default=False,
         help_text="The client says at each step which of the n actions are allowed (action_mask); no other one is chosen.",
     )
+    action_features = models.JSONField(
+        null=True,
+        blank=True,
+        help_text="What you know of the n actions: n rows of as many numbers, e.g. [[1, 0], [0.5, 1]], each from -1 to 1 or so. "
+        "What is learned of one action then holds for those like it. Empty: each action is learned on its own.",
+    )
     max_percent_cpu = models.PositiveIntegerField(
         "maximum percent of CPU",
         default=200,

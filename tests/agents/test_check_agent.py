@@ -4,6 +4,7 @@ import pytest
 from django.core.exceptions import ValidationError
 
 from agents_app import services
+from agents_app.checks_agent import check_fixed
 from agents_app.models import Agent, Algorithm, User
 from tests.agents.makers import make_agent, make_user
 
@@ -291,3 +292,33 @@ def test_reward_shaping_needs_no_correction():
     from envs_app.executions import agent_spec
 
     assert not agent_spec(agent(advice_method="shaping", learning_correction=True), {}).mixing().correction
+
+
+@pytest.mark.parametrize(
+    ("fields", "sentence"),
+    [
+        ({"algorithm": "SAC", "action_space": REAL, "action_features": [[1.0]]}, "leave it empty"),
+        ({"algorithm": "BDPI", "action_features": [[1.0]] * 4}, "choose e.g. DQN"),
+        ({"action_features": [[1.0]] * 3}, "Write 4 rows"),
+        ({"action_features": [[1.0], [1.0], [1.0], [1.0, 2.0]]}, "Write 4 rows"),
+        ({"action_features": [[]] * 4}, "Write 4 rows"),
+        ({"action_features": [[True]] * 4}, "Write 4 rows"),
+        ({"action_features": [["red"]] * 4}, "Write 4 rows"),
+        ({"action_features": [[1e39]] * 4}, "finite"),
+        ({"action_features": {"0": [1.0]}}, "Write 4 rows"),
+    ],
+)
+def test_it_refuses_features_of_actions_that_are_no_table(fields, sentence):
+    assert sentence in refusal("action_features", **fields)
+
+
+def test_it_takes_a_row_of_features_for_each_action():
+    agent(algorithm="DQN", action_features=[[1, 0.5], [0, 1], [0, 0], [-1, 1]]).full_clean()
+
+
+def test_features_of_actions_stay_once_the_agent_has_learned(monkeypatch):
+    before, after = (agent(action_features=[[number]] * 4) for number in (0, 1))
+    monkeypatch.setattr(after, "has_learned", lambda: True)
+    with pytest.raises(ValidationError) as caught:
+        check_fixed(before, after)
+    assert set(caught.value.message_dict) == {"action_features"}
