@@ -1,91 +1,62 @@
-"""python -m experiments.bored: play what is missing of the study, then say what was found."""
+"""python -m experiments.bored: play what is missing of the study, then say and draw what was found."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import time
-from pathlib import Path
+import warnings
 
 import numpy as np
 import torch as th
 
 from experiments.bored.city import City
 from experiments.bored.curves import PLAYERS
-from experiments.statistics import interval
-
-RESULTS = Path(__file__).resolve().parent.parent / "results" / "bored"
-VISITORS, WEEKS = 240, 6.0
-LATE = 200  # visitors after so many others
+from experiments.bored.drawing import draw
+from experiments.bored.results import STUDIES, file_of, table
 
 
-def play(name: str, seed: int) -> np.ndarray:
-    """One city, from its first visitor to its last: (V, 30) of bool."""
-    city = City(VISITORS, WEEKS, seed)
+def play(study: str, name: str, seed: int) -> np.ndarray:
+    """One city, from its first visitor to its last: how probable it was that each suggestion would be loved, (V, 30)."""
+    city = City(*STUDIES[study], seed)
     player = PLAYERS[name](len(city.places), seed)
     for moment in city.moments:
         suggestion = city.suggestion(moment)
         place = player.suggest(suggestion)
         player.hear(suggestion, place, city.answer(suggestion, place))
     player.close()
-    return city.loved()
+    return city.chances()
 
 
-def load(name: str) -> list[np.ndarray]:
-    """The runs that there are."""
-    files = sorted(RESULTS.glob(f"{slug(name)}-*.json"))
-    return [np.array([list(map(int, row)) for row in json.loads(file.read_text())["loved"]], bool) for file in files]
-
-
-def slug(name: str) -> str:
-    """For a file."""
-    return name.lower().replace(",", "").replace(" ", "-")
-
-
-def table() -> str:
-    """Shares of suggestions that were loved, by player."""
-    lines = ["| suggests | runs | all | the very first visitor, 10 | after 200 others, 10 | after 200 others, 30 |"]
-    lines.append("|---|---|---|---|---|---|")
-    for name in PLAYERS:
-        if runs := load(name):
-            shares = [
-                [float(run.mean()) for run in runs],
-                [float(run[0, :10].mean()) for run in runs],
-                [float(run[LATE:, :10].mean()) for run in runs],
-                [float(run[LATE:].mean()) for run in runs],
-            ]
-            lines.append(f"| {name} | {len(runs)} | " + " | ".join(map(said, shares)) + " |")
-    return "\n".join(lines)
-
-
-def said(shares: list[float]) -> str:
-    """A mean, with its interval if there are several."""
-    if len(shares) < 2:
-        return f"{np.mean(shares):.3f}"
-    low, high = interval(np.array(shares))
-    return f"{np.mean(shares):.3f} ({low:.3f} to {high:.3f})"
+def run(study: str, name: str, seed: int) -> None:
+    """Play, and keep it: a row of text per visitor, two digits per suggestion, its chance in percent."""
+    started = time.monotonic()
+    chances = play(study, name, seed)
+    rows = ["".join(f"{percent:02d}" for percent in row) for row in (100 * chances).round().clip(0, 99).astype(int)]
+    file = file_of(study, name, seed)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps({"player": name, "seed": seed, "percent": rows}, indent=0) + "\n")
+    seconds = time.monotonic() - started
+    print(f"{study}, {name}, seed {seed}: {chances.mean():.3f} in {seconds:.0f} s", flush=True)
 
 
 def main() -> None:
     """Play and tell."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("players", nargs="*", help="a part of their names (default: all)")
-    parser.add_argument("--seeds", type=int, default=4)
+    parser = argparse.ArgumentParser("python -m experiments.bored", description=__doc__)
+    parser.add_argument("players", nargs="*", help="their names (default: all)")
+    parser.add_argument("--study", choices=STUDIES, help="one of them (default: all)")
+    parser.add_argument("--seeds", type=int, default=8)
     parser.add_argument("--only-show", action="store_true")
     options = parser.parse_args()
     th.set_num_threads(1)
-    RESULTS.mkdir(parents=True, exist_ok=True)
-    chosen = [name for name in PLAYERS if not options.players or any(part in name for part in options.players)]
-    for seed in range(1, options.seeds + 1):
-        for name in [] if options.only_show else chosen:
-            file = RESULTS / f"{slug(name)}-{seed}.json"
-            if not file.exists():
-                started = time.monotonic()
-                loved = play(name, seed)
-                rows = ["".join(map(str, row.astype(int))) for row in loved]
-                file.write_text(json.dumps({"player": name, "seed": seed, "loved": rows}, indent=0) + "\n")
-                print(f"{name}, seed {seed}: {loved.mean():.3f} in {time.monotonic() - started:.0f} s", flush=True)
+    warnings.simplefilter("ignore", UserWarning)  # of torch: arrays that cannot be written to
+    for seed in range(1, 1 if options.only_show else options.seeds + 1):
+        for study in [options.study] if options.study else STUDIES:
+            for name in options.players or PLAYERS:
+                if not file_of(study, name, seed).exists():
+                    run(study, name, seed)
     print(table())
+    draw()
 
 
 if __name__ == "__main__":

@@ -11,10 +11,11 @@ import json
 from collections import Counter
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from pathlib import Path
 
 import numpy as np
-from shepherd_environments.bored import BOX, CITY, TYPES, Place, Point, Visit, allowed, encode, time_of_day
+from shepherd_environments.bored import BOX, CITY, TYPES, Place, Point, Visit, encode, is_open, not_lately, time_of_day
 
 PLACES = Path(__file__).resolve().parents[2] / "frontend" / "bored" / "places.json"
 BEGIN = datetime(2026, 6, 1, tzinfo=UTC)
@@ -23,10 +24,18 @@ BASE = -1.8
 KILOMETRES = np.array([111.2, 70.2])  # of a degree of latitude and longitude in Brussels
 
 
+@cache
 def read_places() -> list[Place]:
     """The actions, in their order."""
     rows = json.loads(PLACES.read_text(encoding="utf-8"))["places"]
     return [Place(row["type"], Point(row["lat"], row["lon"]), row.get("hours")) for row in rows]
+
+
+@cache
+def open_at(weekday: int, hour: int, minute: int) -> tuple[bool, ...]:
+    """Which places are open at a minute of the week."""
+    now = datetime(2026, 6, 1 + weekday, hour, minute, tzinfo=CITY)  # the first was a Monday
+    return tuple(is_open(place.hours, now) for place in read_places())
 
 
 @dataclass
@@ -42,6 +51,7 @@ class Visitor:
     favourites: list[int] = field(default_factory=list)
     shown: dict[int, datetime] = field(default_factory=dict)
     loved: list[bool] = field(default_factory=list)
+    chances: list[float] = field(default_factory=list)  # that each suggestion had of being loved
 
 
 @dataclass
@@ -75,7 +85,7 @@ class City:
         visitor = self.visitors[number]
         favourites = Counter(self.places[place].type for place in visitor.favourites)
         visit = Visit(now, visitor.here, visitor.before, visitor.type_before, favourites)
-        mask = np.array(allowed(self.places, now, visitor.shown, visitor.favourites))
+        mask = np.array(not_lately(list(self._open(now)), now, visitor.shown, visitor.favourites))
         return Suggestion(number, now, encode(visit), mask, self._chances(visitor, now))
 
     def answer(self, suggestion: Suggestion, place: int) -> float:
@@ -83,6 +93,7 @@ class City:
         visitor, at = self.visitors[suggestion.visitor], self.places[place].at
         loved = bool(self._rng.random() < suggestion.chances[place])
         visitor.loved.append(loved)
+        visitor.chances.append(float(suggestion.chances[place]))
         visitor.shown[place] = suggestion.now
         visitor.before, visitor.type_before = visitor.here, self.places[place].type
         if loved:
@@ -96,6 +107,15 @@ class City:
     def loved(self) -> np.ndarray:
         """(V, 30) of bool: by visitor in the order of their arrival, and by suggestion."""
         return np.array([visitor.loved for visitor in self.visitors])
+
+    def chances(self) -> np.ndarray:
+        """(V, 30): how probable it was that each would be; its mean is that of `loved`, with less noise."""
+        return np.array([visitor.chances for visitor in self.visitors])
+
+    def _open(self, now: datetime) -> tuple[bool, ...]:
+        """Which places are open; a table, since at each suggestion all hours would be looked up anew."""
+        local = now.astimezone(CITY)
+        return open_at(local.weekday(), local.hour, local.minute)
 
     def _visitor(self) -> Visitor:
         rng = self._rng

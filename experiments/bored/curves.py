@@ -5,18 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from shepherd_environments.bored import features
+
 from agents_app.algorithms.spec import AgentSpec
-from experiments.bored.players import Chance, MostPopular, Oracle, Player, Shepherd, linucb, thompson
+from experiments.bored.city import read_places
+from experiments.bored.players import Chance, LinUCB, MostPopular, Oracle, Player, Shepherd, Thompson
 
 OBSERVATIONS = [[29], -1, 1]
 DQN: dict[str, Any] = {
     "gamma": 0.0,
-    "learning_rate": 1e-3,
+    "net_arch": "0",
+    "learning_rate": 3e-3,
     "buffer_size": 20_000,
     "learning_starts": 50,
-    "batch_size": 128,
-    "train_freq": 1,
-    "gradient_steps": 2,
+    "batch_size": 256,
+    "train_freq": 4,
+    "gradient_steps": 1,
+    "target_update_interval": 1,
     "exploration_fraction": 0.05,
     "exploration_final_eps": 0.05,
     "total_timesteps": 20_000,
@@ -28,18 +33,19 @@ PPO: dict[str, Any] = {
     "batch_size": 64,
     "n_epochs": 10,
     "ent_coef": 0.01,
+    "learning_rate": 1e-3,
 }
-PPO |= {"learning_rate": 1e-3}
+LINEAR_PPO = PPO | {"net_arch": "0", "learning_rate": 1e-2}
 
 
 def shepherd(
-    algorithm: str, parameters: dict[str, Any], executions: int, **advice: Any
+    algorithm: str, parameters: dict[str, Any], executions: int = 1, knows: bool = True, **advice: Any
 ) -> Callable[[int, int], Player]:
-    """Shepherd's agent; neither number is known before."""
+    """Shepherd's agent, whose executions share the visitors; neither number is known before. `knows` its places' features."""
 
     def make(actions: int, seed: int) -> Player:
-        spec = AgentSpec(algorithm, actions, OBSERVATIONS, parameters=parameters, action_masks=True, **advice)
-        return Shepherd(spec, executions, seed)
+        fields = advice | {"action_masks": True, "action_features": features(read_places()) if knows else None}
+        return Shepherd(AgentSpec(algorithm, actions, OBSERVATIONS, parameters=parameters, **fields), executions, seed)
 
     return make
 
@@ -47,13 +53,12 @@ def shepherd(
 PLAYERS: dict[str, Callable[[int, int], Player]] = {
     "random": Chance,
     "most popular": MostPopular,
-    "LinUCB": linucb,
-    "Thompson sampling": thompson,
-    "DQN, one execution": shepherd("DQN", DQN, 1),
-    "DQN, four, with advice": shepherd("DQN", DQN, 4, advice_method="intersection"),
-    "DQN, four, without": shepherd("DQN", DQN, 4),
-    "PPO, one execution": shepherd("PPO", PPO, 1),
-    "PPO, four, with advice": shepherd("PPO", PPO, 4, advice_method="geometric"),
-    "PPO, four, without": shepherd("PPO", PPO, 4),
+    "LinUCB": LinUCB,
+    "Thompson sampling": Thompson,
+    "PPO": shepherd("PPO", PPO, knows=False),
+    "PPO, with features": shepherd("PPO", LINEAR_PPO),
+    "DQN, with features": shepherd("DQN", DQN),
+    "DQN, with features, four with advice": shepherd("DQN", DQN, 4, advice_method="intersection"),
+    "DQN, with features, four without": shepherd("DQN", DQN, 4),
     "oracle": Oracle,
 }

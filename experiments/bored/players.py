@@ -86,22 +86,61 @@ class MostPopular(Plain):
 
 
 class Bandit(Plain):
-    """MABWiser's: a ridge regression per place on the same observation that the agent has, with a 1 beside it."""
+    """MABWiser's: a ridge regression per place on the same observation that the agent has, with a 1 beside it.
+
+    Its models learn; what they expect is computed for all places at once, from their own matrices. Its `partial_fit` copies
+    the models of all places, and its `predict_expectations` asks one after the other: 24 ms a suggestion.
+    """
 
     def __init__(self, actions: int, seed: int, policy: Any) -> None:
         super().__init__(actions, seed)
         self.mab = MAB(list(range(actions)), policy, seed=seed)
         self.mab.fit([0], [0], [[*np.zeros(29), 1.0]])
+        self.models = [self.mab._imp.arm_to_model[arm] for arm in range(actions)]
+        self.beta = np.array([model.beta for model in self.models])  # (A, 30)
+        self.inverse = np.array([model.A_inv for model in self.models])  # (A, 30, 30)
+        self.alpha = policy.alpha
 
     def suggest(self, suggestion: Suggestion) -> int:
         """The allowed place of the greatest expectation; of equals, any."""
-        expected = self.mab.predict_expectations([[*suggestion.observation, 1.0]])
-        values = np.array([expected[arm] for arm in range(self.actions)]) + 1e-9 * self.rng.random(self.actions)
+        values = self.expected(np.append(suggestion.observation, 1.0)) + 1e-9 * self.rng.random(self.actions)
         return int(np.where(suggestion.allowed, values, -np.inf).argmax())
+
+    def expected(self, x: np.ndarray) -> np.ndarray:
+        """Of each place, (A,), where (30,) is observed."""
+        raise NotImplementedError
 
     def hear(self, suggestion: Suggestion, place: int, reward: float) -> None:
         """Learn."""
-        self.mab.partial_fit([place], [reward], [[*suggestion.observation, 1.0]])
+        model = self.models[place]
+        model.fit(np.append(suggestion.observation, 1.0)[None], np.array([reward]))
+        self.beta[place], self.inverse[place] = model.beta, model.A_inv
+
+    def spread(self, x: np.ndarray) -> np.ndarray:
+        """The deviation of what is known of each place there, (A,)."""
+        return np.sqrt((self.inverse @ x) @ x)
+
+
+class LinUCB(Bandit):
+    """Li et al. 2010, disjoint."""
+
+    def __init__(self, actions: int, seed: int) -> None:
+        super().__init__(actions, seed, LearningPolicy.LinUCB(alpha=0.1))
+
+    def expected(self, x: np.ndarray) -> np.ndarray:
+        """An upper bound, as MABWiser's `_LinUCB.predict`."""
+        return self.beta @ x + self.alpha * self.spread(x)
+
+
+class Thompson(Bandit):
+    """Agrawal and Goyal 2013."""
+
+    def __init__(self, actions: int, seed: int) -> None:
+        super().__init__(actions, seed, LearningPolicy.LinTS(alpha=0.1))
+
+    def expected(self, x: np.ndarray) -> np.ndarray:
+        """A draw: that of `_LinTS.predict` is of the weights, whose product with x is a Gaussian of this deviation."""
+        return self.beta @ x + self.alpha * self.spread(x) * self.rng.standard_normal(self.actions)
 
 
 class Peers:
@@ -186,13 +225,3 @@ class Shepherd:
             self._published[number] = version + 1, weights
 
         return publish
-
-
-def linucb(actions: int, seed: int) -> Bandit:
-    """Li et al. 2010, disjoint."""
-    return Bandit(actions, seed, LearningPolicy.LinUCB(alpha=0.3))
-
-
-def thompson(actions: int, seed: int) -> Bandit:
-    """Agrawal and Goyal 2013."""
-    return Bandit(actions, seed, LearningPolicy.LinTS(alpha=0.1))

@@ -3,9 +3,12 @@
 import io
 import json
 
+import numpy as np
 import pytest
 from django.core.management import CommandError, call_command
+from shepherd_environments.bored import Place, Point, features
 
+from agents_app.management.commands.demo_data import PLACES
 from agents_app.models import Agent, APIKey, User, hash_key
 
 pytestmark = pytest.mark.django_db
@@ -129,3 +132,5 @@ def test_the_page_bored_in_the_city_finds_its_agent(client):
     key = APIKey.objects.get(published=client.get("/bored/config.json").json()["key"])
     assert (key.agent.name, key.scope) == ("Bored in the city", "step")
     assert key.agent.observation_space == [[29], -1, 1]
+    places = [Place(place["type"], Point(place["lat"], place["lon"])) for place in PLACES]
+    np.testing.assert_allclose(key.agent.action_features, features(places), atol=1e-12)

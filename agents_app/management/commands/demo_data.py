@@ -14,9 +14,19 @@ from django.db import transaction
 from agents_app import services
 from agents_app.models import Agent, Algorithm, APIKey, User
 
-PLACES = len(json.loads((settings.BASE_DIR / "frontend" / "bored" / "places.json").read_text("utf-8"))["places"])
+PLACES = json.loads((settings.BASE_DIR / "frontend" / "bored" / "places.json").read_text("utf-8"))["places"]
+TYPES = ("restaurant", "asian_restaurant", "shop", "thriftshop", "cafe", "bar", "sightseeing")
+BOX = ((50.840, 50.857), (4.338, 4.366))  # latitudes and longitudes that become -1 to 1
 
-# PPO as in the RL Zoo of Stable-Baselines3, for one environment instead of eight or sixteen.
+
+def features(place: dict[str, Any]) -> list[float]:
+    """What the agent knows of a place, as docs/bored.md has it: its type, and where it is."""
+    ends = zip((place["lat"], place["lon"]), BOX, strict=True)
+    y, x = (2.0 * (value - low) / (high - low) - 1.0 for value, (low, high) in ends)
+    return [*(float(kind == place["type"]) for kind in TYPES), y, x, y * y + x * x]
+
+
+# The first two: PPO as in the RL Zoo of Stable-Baselines3, for one environment instead of eight or sixteen.
 DEMOS: dict[str, dict[str, Any]] = {
     "CartPole demo": {
         "action_space": 2,
@@ -45,21 +55,29 @@ DEMOS: dict[str, dict[str, Any]] = {
     # One-step episodes of many visitors, whose page finds the agent by its name and shows its key. All share an execution:
     # docs/bored.md has the comparison.
     "Bored in the city": {
-        "action_space": PLACES,
+        "algorithm": "DQN",
+        "action_space": len(PLACES),
         "observation_space": [[29], -1, 1],
         "action_masks": True,
+        "action_features": [features(place) for place in PLACES],
         "sessions_per_execution": 1000,
         "answer_within": 15 * 60,
         "save_interval": 64,
         "public": True,  # its page is there for everybody, too
         "counted_in": "Europe/Brussels",
         "parameters": {
-            "n_steps": 64,
-            "batch_size": 64,
             "gamma": 0.0,
-            "gae_lambda": 0.0,
-            "ent_coef": 0.01,
-            "learning_rate": 0.001,
+            "net_arch": "0",
+            "learning_rate": 0.003,
+            "buffer_size": 20_000,
+            "learning_starts": 50,
+            "batch_size": 256,
+            "train_freq": 4,
+            "gradient_steps": 1,
+            "target_update_interval": 1,
+            "exploration_fraction": 0.05,
+            "exploration_final_eps": 0.05,
+            "total_timesteps": 20_000,
         },
         "publishable": True,
     },

@@ -67,6 +67,18 @@ def encode(visit: Visit) -> np.ndarray:
     return np.array([number for part in parts for number in part], np.float32)
 
 
+def features(places: Sequence[Place]) -> list[list[float]]:
+    """What the agent knows of its actions, 10 numbers each: type, one-hot; where it is in the box, y and x, and y^2 + x^2.
+
+    With the squares, a sum of products with the observation can be the squared distance from the visitor.
+    """
+    rows = []
+    for place in places:
+        y, x = in_box(place.at)
+        rows.append([*one_hot(TYPES.index(place.type), len(TYPES)), y, x, y * y + x * x])
+    return rows
+
+
 def in_box(point: Point) -> list[float]:
     """Latitude and longitude from -1 to 1 across the box; whoever is outside is at its edge."""
     return [
@@ -109,11 +121,17 @@ def allowed(
     Not those that are closed, are favourites already, or were shown within LATELY. Where fewer than FEWEST remain, what was
     shown longest ago comes back; where none remains, all are allowed.
     """
-    offered = [is_open(place.hours, now) for place in places]
+    return not_lately([is_open(place.hours, now) for place in places], now, shown, favourites)
+
+
+def not_lately(
+    offered: list[bool], now: datetime, shown: Mapping[int, datetime], favourites: Sequence[int] = ()
+) -> list[bool]:
+    """`allowed`, where it is known which places are open. Changes `offered`."""
     for index in favourites:
         offered[index] = False
     lately = {index: at for index, at in shown.items() if offered[index] and now - at < LATELY}
     mask = [offer and index not in lately for index, offer in enumerate(offered)]
     for index in sorted(lately, key=lambda index: (lately[index], index))[: max(0, FEWEST - sum(mask))]:
         mask[index] = True
-    return mask if any(mask) else [True] * len(places)
+    return mask if any(mask) else [True] * len(offered)
