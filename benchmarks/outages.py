@@ -18,8 +18,10 @@ from envs_app.transports.redis.machines import Room
 from envs_app.transports.redis.wire import Wire
 from tests.faults.scaled.setup import Scaled, running_scaled
 from tests.servers import wait_for
+from tests.services import RedisServer
 
 CLIENTS, TIMES, BAR = 8, 3, 2.0
+Part = tuple[Callable[[Scaled], Any], Callable[[Any, int], Any]]  # finds it, and kills it
 
 
 class Stepper(threading.Thread):
@@ -52,17 +54,19 @@ def run() -> Result:
         for stepper in steppers:
             stepper.start()
         wait_until_steady(server, steppers)
-        seconds = {name: [pause(server, steppers, kill) for _ in range(TIMES)] for name, kill in PARTS.items()}
+        seconds = {name: [pause(server, steppers, part) for _ in range(TIMES)] for name, part in PARTS.items()}
         ended.set()
         for stepper in steppers:
             stepper.join(60)
     return Result("outages", [line(name, values) for name, values in seconds.items()], {"seconds": seconds})
 
 
-def pause(server: Scaled, steppers: list[Stepper], kill: Callable[[Scaled], Any]) -> float:
+def pause(server: Scaled, steppers: list[Stepper], part: Part) -> float:
     """Seconds from the kill until all clients had another answer."""
+    find, kill = part
+    victim = find(server)  # before: it takes a while to find it
     at = time.monotonic()
-    kill(server)
+    kill(victim, signal.SIGKILL)
     wait_until_steady(server, steppers)
     return round(max(stepper.pause_after(at) for stepper in steppers), 3)
 
@@ -71,7 +75,7 @@ def wait_until_steady(server: Scaled, steppers: list[Stepper]) -> None:
     """Until all parts serve and every client had twenty more answers."""
     time.sleep(1.0)  # until a death is seen
     room, parts = Room(Wire(server.redis.url)), ("worker1", "worker2")
-    wait_for(lambda: {server.part(name) for name in parts} <= pids(room), what="the workers")
+    wait_for(lambda: {_pid(server, name) for name in parts} <= pids(room), what="the workers")
     goals = [len(stepper.answered) + 20 for stepper in steppers]
     wait_for(lambda: all(len(s.answered) >= goal for s, goal in zip(steppers, goals, strict=True)), what="answers")
 
@@ -92,16 +96,22 @@ def line(name: str, seconds: list[float]) -> Line:
     )
 
 
-def _restart_redis(server: Scaled) -> None:
-    server.redis.kill()
-    server.redis.start()
+def _pid(server: Scaled, part: str) -> int:
+    """Of a part that runs."""
+    pid: int = wait_for(lambda: server.part(part), what=part)
+    return pid
 
 
-PARTS: dict[str, Callable[[Scaled], Any]] = {
-    "an execution": lambda server: os.kill(server.execution_pids()[0], signal.SIGKILL),
-    "a web process": lambda server: os.kill(server.web_pids()[0], signal.SIGKILL),
-    "beat": lambda server: os.killpg(server.part("beat"), signal.SIGKILL),
-    "Redis (started again at once)": _restart_redis,
-    "a worker": lambda server: os.kill(server.part("worker1"), signal.SIGKILL),
-    "a machine with a worker": lambda server: os.killpg(server.part("worker2"), signal.SIGKILL),
+def _restart(redis: RedisServer, _: int) -> None:
+    redis.kill()
+    redis.start()
+
+
+PARTS: dict[str, Part] = {
+    "an execution": (lambda server: server.execution_pids()[0], os.kill),
+    "a web process": (lambda server: server.web_pids()[0], os.kill),
+    "beat": (lambda server: _pid(server, "beat"), os.killpg),
+    "Redis (started again at once)": (lambda server: server.redis, _restart),
+    "a worker": (lambda server: _pid(server, "worker1"), os.kill),
+    "a machine with a worker": (lambda server: _pid(server, "worker2"), os.killpg),
 }

@@ -105,11 +105,12 @@ class RedisChild(ExecutionLoop):
         self.metered_at, self.started = time.monotonic(), time.time()
         self.weights: bytes | None = None
         self.unsaid: deque[dict[str, Any]] = deque(maxlen=1000)  # events that Redis has not taken yet
+        self.unsent: deque[tuple[Any, Message]] = deque(maxlen=1000)  # answers, likewise
         self.beating = Lock()  # the learner reports, too
         self.connection: Any = None
         self.listening: Any = None
         self.taken: list[int] = []  # sessions that somebody else has now
-        self.listened_at = self.tried_at = 0.0
+        self.listened_at = self.tried_at = self.answered_at = 0.0
 
     def live(self) -> int:
         """Serve until told to stop, and be buried; returns the exit code."""
@@ -132,7 +133,7 @@ class RedisChild(ExecutionLoop):
         self._listen()
 
     def tend(self) -> None:
-        """Let go of sessions that were taken; listen again where the connection was lost, or is silent for too long."""
+        """Let go of sessions that were taken; listen again, and answer again, where Redis was away."""
         now = time.monotonic()
         while self.taken:
             self.obey({"k": "forget", "session": self.taken.pop()})
@@ -140,6 +141,9 @@ class RedisChild(ExecutionLoop):
             self._stop_listening()
         if self.connection is None and now - self.tried_at > AGAIN_SECONDS:
             self._listen()
+        if self.unsent and now - self.answered_at > AGAIN_SECONDS:
+            self.answered_at = now
+            self._send_again()
 
     def _listen(self) -> None:
         self.tried_at = time.monotonic()
@@ -189,13 +193,27 @@ class RedisChild(ExecutionLoop):
             log.warning("execution %s cannot serve a step: %s", self.spec.number, error)
 
     def answer(self, to: Any, message: Message) -> None:
-        """By the list that the caller waits on."""
+        """By the list that the caller waits on; as soon as Redis takes it."""
+        if not self._send(to, message):
+            self.unsent.append((to, message))
+
+    def _send_again(self) -> None:
+        """But not to a session that is served elsewhere by now."""
+        while self.unsent:
+            to, message = self.unsent[0]
+            if self.ledger.holds(to[0]) and not self._send(to, message):
+                return
+            self.unsent.popleft()
+
+    def _send(self, to: Any, message: Message) -> bool:
         session, reply = to
         try:
             if not self.ledger.send(session, reply, message):
                 self.taken.append(session)  # not released here: the desk is in the middle of its step
         except Unreachable as error:
             log.warning("execution %s cannot answer: %s", self.spec.number, error)
+            return False
+        return True
 
     def obey(self, message: Message) -> None:
         """Do what it is told."""

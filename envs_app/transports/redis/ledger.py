@@ -52,6 +52,10 @@ class RedisLedger:
         self._held.pop(session, None)
         self._unsent.discard(session)
 
+    def holds(self, session: int) -> bool:
+        """Whether it is served here."""
+        return session in self._held
+
     def was_taken(self, session: int) -> bool:
         """Whether somebody else has had the session since it was held here. Raises Unreachable."""
         return session in self._held and self._read(session)[1] > self._generations[session]

@@ -13,8 +13,6 @@ from tests.faults.players import errors_of, playing
 from tests.faults.scaled.setup import Scaled
 from tests.faults.test_killed_parts import (  # noqa: F401 - run here, too
     test_clients_survive_the_death_of_all_executions_at_once,
-    test_clients_survive_the_death_of_an_execution,
-    test_clients_survive_the_death_of_web_processes,
     test_learning_goes_on_from_a_save_at_most_one_interval_old,
 )
 from tests.servers import wait_for

@@ -61,5 +61,5 @@ def test_a_rolling_restart(own: Scaled, agent: Agent) -> None:
 
 def test_a_worker_that_is_told_to_end_at_once(own: Scaled, agent: Agent) -> None:
     with playing(own, agent("killed")[1]) as players:
-        end(own, "worker1", signal.SIGQUIT)
+        os.kill(own.part("worker1"), signal.SIGQUIT)
         players.play_on()

@@ -6,7 +6,6 @@ import pytest
 
 from tests.faults.test_saving import (  # noqa: F401 - run here, too
     test_a_save_that_was_cut_in_half_is_passed_over,
-    test_acting_goes_on_while_the_disk_is_full,
     test_acting_goes_on_while_the_folder_of_saves_cannot_be_written,
 )
 
