@@ -14,13 +14,15 @@ WINDOW = 20  # visitors
 
 
 def draw() -> None:
-    """One figure for the city, one for the week of 20 visitors."""
+    """One figure for the city, one for the week of 20 visitors; of what was played."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
     for study in STUDIES:
+        if not any(load(study, name) for name in PLAYERS):
+            continue
         drawing, axes = pyplot.subplots(1, 2, figsize=(11, 4.2), layout="constrained", sharey=True)
         for number, name in enumerate(PLAYERS):
             if runs := list(load(study, name).values()):
