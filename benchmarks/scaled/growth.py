@@ -100,11 +100,19 @@ def lines(numbers: dict[str, Any]) -> list[Line]:
             for it in numbers["sessions"]
         ),
         Line("rate with 500 open sessions / with 10", f"{_kept(numbers['sessions']):.2f}"),
+        Line("a session more, from 100 to 500 of them", _each_more(*numbers["sessions"][-2:])),
     ]
 
 
 def _kept(sessions: list[dict[str, float]]) -> float:
     return sessions[-1]["rate"] / sessions[0]["rate"]
+
+
+def _each_more(few: dict[str, float], many: dict[str, float]) -> str:
+    """What it adds; what stands there from the first session on counts no more."""
+    names = ("mb_per_session", "redis_bytes_per_session")
+    mb, redis = ((many[n] * many["count"] - few[n] * few["count"]) / (many["count"] - few["count"]) for n in names)
+    return f"{mb:.2f} MB (its share of an execution too) and {redis:.0f} bytes of Redis"
 
 
 def draw(numbers: dict[str, Any], path: Path) -> None:
