@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import psutil
 from shepherd_client import Client
 
 from benchmarks.report import Line, Result
@@ -102,6 +103,12 @@ def _pid(server: Scaled, part: str) -> int:
     return pid
 
 
+def _worker_of_an_execution(server: Scaled) -> int:
+    """One of the two may have none. (The parent of an execution is no worker, but any process, when its worker was just killed.)"""
+    parents = {psutil.Process(pid).ppid() for pid in server.execution_pids()}
+    return next(pid for pid in (_pid(server, "worker1"), _pid(server, "worker2")) if pid in parents)
+
+
 def _restart(redis: RedisServer, _: int) -> None:
     redis.kill()
     redis.start()
@@ -112,6 +119,6 @@ PARTS: dict[str, Part] = {
     "a web process": (lambda server: server.web_pids()[0], os.kill),
     "beat": (lambda server: _pid(server, "beat"), os.killpg),
     "Redis (started again at once)": (lambda server: server.redis, _restart),
-    "a worker": (lambda server: _pid(server, "worker1"), os.kill),
-    "a machine with a worker": (lambda server: _pid(server, "worker2"), os.killpg),
+    "a worker": (_worker_of_an_execution, os.kill),
+    "a machine with a worker": (_worker_of_an_execution, os.killpg),
 }
