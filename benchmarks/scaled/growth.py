@@ -54,7 +54,8 @@ def _with_sessions() -> list[dict[str, float]]:
     found: list[dict[str, float]] = []
     with scaled() as server:
         key = make_agent(server, sessions_per_execution=SHARED, enable_learning=False)
-        wire, sessions = Wire(server.url), []
+        wire = Wire(server.url)
+        sessions: list[LeanSession] = []
         before = memory(server), _redis_bytes(server)
         for count in SESSIONS:
             while len(sessions) < count:
