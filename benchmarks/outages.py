@@ -104,7 +104,7 @@ def _pid(server: Scaled, part: str) -> int:
 
 
 def _worker_of_an_execution(server: Scaled) -> int:
-    """One of the two may have none. (The parent of an execution is no worker, but any process, when its worker was just killed.)"""
+    """One of the two may have none. An execution whose worker was killed has some other parent, which must live."""
     parents = {psutil.Process(pid).ppid() for pid in server.execution_pids()}
     return next(pid for pid in (_pid(server, "worker1"), _pid(server, "worker2")) if pid in parents)
 
