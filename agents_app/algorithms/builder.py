@@ -10,6 +10,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.noise import ActionNoise, NormalActionNoise, OrnsteinUhlenbeckActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file, recursive_setattr, save_to_zip_file
@@ -93,6 +94,7 @@ def build(spec: AgentSpec, env: gym.Env | VecEnv, seed: int | None) -> Any:
         arguments["policy_kwargs"]["mixing"] = spec.mixing()
     algorithm = paced(policy, env, device="cpu", verbose=0, seed=seed, **arguments)
     algorithm.stock_policy = stock_policy
+    algorithm.set_logger(Logger(folder=None, output_formats=[]))  # SB3's own leaves a folder behind for each
     if has_features(spec):
         action_features.attach(algorithm, spec.action_features or ())
     if normaliser:

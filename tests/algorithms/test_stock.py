@@ -8,6 +8,8 @@ draws from a generator of its own; that the curves over HTTP are those in proces
 
 from __future__ import annotations
 
+import tempfile
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -60,6 +62,14 @@ def test_it_learns_the_very_same(name: str, discrete: bool) -> None:
     assert all(th.equal(state[key], expected[key]) for key in expected)
     assert name == "ARS" or len(one.ep_info_buffer) >= STEPS // 10  # ARS keeps none
     assert [it["r"] for it in one.ep_info_buffer] == [it["r"] for it in other.ep_info_buffer]
+
+
+def test_what_learns_leaves_no_folder_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    ours("PPO", True)
+    assert list(tmp_path.iterdir()) == []
+    stock("PPO", True)
+    assert list(tmp_path.iterdir()), "as the stock class does for its logger"
 
 
 @pytest.mark.parametrize("name", FUSED)
