@@ -11,10 +11,12 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import datetime
 from typing import Any
 
 from django.db import Error, close_old_connections
+from django.utils import timezone
 from gymnasium import spaces
 
 from agents_app.algorithms.registry import get_row
@@ -22,6 +24,7 @@ from agents_app.models import Agent, Session, hash_key
 from agents_app.spaces import parse_space
 from envs_app.errors import UnknownSession
 from envs_app.executions import places
+from envs_app.facts import facts_of
 from envs_app.guards import Guard, guard_of
 from envs_app.transports.base import Address, Claim
 
@@ -46,6 +49,8 @@ class Handle:
     sessions_per_execution: int
     guard: Guard | None  # of the API key
     counted_in: str  # time zone by whose hours actions are counted; empty: they are not
+    expires_at: datetime | None  # the API key
+    facts: tuple[Any, ...] | None  # of which all this was made
     checked_at: float
     address: Address | None = None
     asked: Future[Handle] | None = None  # the database, and it has not answered yet
@@ -86,7 +91,7 @@ class Handles:
         return fresh if time.monotonic() - fresh.checked_at <= REFRESH_SECONDS else self._check(key, fresh)
 
     def _ask(self, key: str, known: Handle) -> Future[Handle]:
-        known.asked = self._asking.submit(_load_and_let_go, key)
+        known.asked = self._asking.submit(_check_and_let_go, key, known)
         return known.asked
 
     def _take(self, key: str, known: Handle | None, find: Callable[..., Handle], *arguments: Any) -> Handle:
@@ -139,16 +144,26 @@ class Handles:
 handles = Handles()
 
 
-def _load_and_let_go(key_hash: str) -> Handle:
+def _check_and_let_go(key_hash: str, known: Handle) -> Handle:
     """In a thread that keeps no connection to the database."""
     try:
-        return load(key_hash)
+        return check(key_hash, known)
     finally:
         close_old_connections()
 
 
+def check(key_hash: str, known: Handle) -> Handle:
+    """The handle as it is known, if the database says what it said before, or else anew. Raises UnknownSession."""
+    now = time.monotonic()
+    expired = known.expires_at is not None and known.expires_at <= timezone.now()
+    if expired or facts_of(key_hash) != known.facts:
+        return load(key_hash)
+    return replace(known, checked_at=now, asked=None)
+
+
 def load(key_hash: str) -> Handle:
     """The handle of an open session, from the database. Raises UnknownSession."""
+    facts = facts_of(key_hash)  # first: what changes meanwhile is seen the next time
     related = ("agent__algorithm", "agent__owner", "api_key")
     session = Session.objects.select_related(*related).filter(hash=key_hash, closed_at=None).first()
     if session is None or not session.api_key.is_valid() or not session.agent.owner.is_active:
@@ -167,5 +182,7 @@ def load(key_hash: str) -> Handle:
         sessions_per_execution=places(agent),
         guard=guard_of(session.api_key),
         counted_in=agent.counted_in,
+        expires_at=session.api_key.expires_at,
+        facts=facts,
         checked_at=time.monotonic(),
     )
