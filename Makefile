@@ -16,7 +16,7 @@ WORKERS ?= $(shell echo $$(( $$(nproc) + 1 )))# one more than cores: tests that 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run scaled demo test bench experiments screenshots lint audit format clean
+.PHONY: help setup run scaled demo test faults bench experiments screenshots lint audit format clean
 
 help:  ## List the commands
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /make \1\t/' | expand -t 20
@@ -34,8 +34,11 @@ scaled: $(VENV)/.runtime  ## Serve with two web processes, two Celery workers an
 demo: $(VENV)/.runtime  ## Serve, train an agent on Cart Pole with a real client, and go on serving
 	@$(BIN)/python manage.py demo
 
-test: $(VENV)/.dev  ## Run all tests
+test: $(VENV)/.dev  ## Run all tests but those of make faults
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
+
+faults: $(VENV)/.dev  ## Break every part of the scaled-out set-up under load (minutes)
+	$(BIN)/python -m pytest -m long $(ARGS)
 
 bench: $(VENV)/.dev  ## Measure speed and memory, and show them beside their bars; SCALED=1: of the scaled-out set-up
 	$(BIN)/python -m benchmarks $(if $(SCALED),--scaled) $(ARGS)

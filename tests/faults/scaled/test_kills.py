@@ -17,7 +17,7 @@ from tests.faults.test_killed_parts import (  # noqa: F401 - run here, too
 )
 from tests.servers import wait_for
 
-pytestmark = pytest.mark.service
+pytestmark = [pytest.mark.service, pytest.mark.long]
 
 Agent = Callable[[str], tuple[str, str]]
 

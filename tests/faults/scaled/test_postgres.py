@@ -16,7 +16,7 @@ from tests.faults.inside import HERE
 from tests.faults.players import PATIENCE, Players, playing
 from tests.faults.scaled.setup import Scaled
 
-pytestmark = pytest.mark.service
+pytestmark = [pytest.mark.service, pytest.mark.long]
 
 Agent = Callable[[str], tuple[str, str]]
 STEPS = 100  # of an episode, while PostgreSQL is away

@@ -15,7 +15,7 @@ from tests.faults.players import Players, playing, query
 from tests.faults.scaled.setup import Scaled
 from tests.servers import wait_for
 
-pytestmark = pytest.mark.service
+pytestmark = [pytest.mark.service, pytest.mark.long]
 
 Agent = Callable[[str], tuple[str, str]]
 PAUSE_SECONDS = 10.0  # as long as a lease

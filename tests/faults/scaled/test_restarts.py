@@ -13,7 +13,7 @@ from tests.faults.players import playing, query
 from tests.faults.scaled.setup import Scaled
 from tests.servers import wait_for
 
-pytestmark = pytest.mark.service
+pytestmark = [pytest.mark.service, pytest.mark.long]
 
 Agent = Callable[[str], tuple[str, str]]
 

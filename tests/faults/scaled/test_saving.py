@@ -9,4 +9,4 @@ from tests.faults.test_saving import (  # noqa: F401 - run here, too
     test_acting_goes_on_while_the_folder_of_saves_cannot_be_written,
 )
 
-pytestmark = pytest.mark.service
+pytestmark = [pytest.mark.service, pytest.mark.long]
