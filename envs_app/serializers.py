@@ -133,6 +133,11 @@ class AdviceSerializer(serializers.ModelSerializer):
 class AgentSerializer(SessionAgentSerializer):
     """An agent's whole configuration."""
 
+    action_features = serializers.ListField(
+        child=serializers.ListField(child=serializers.FloatField()),
+        allow_null=True,
+        help_text="What is known of each action: a row of numbers. null: each action is learned on its own.",
+    )
     parameters = serializers.SerializerMethodField(help_text="By name, with defaults where the owner set nothing.")
     advice = AdviceSerializer(source="*")
     run = serializers.SerializerMethodField(help_text="The number of the run that learns now.")

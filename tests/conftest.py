@@ -17,7 +17,7 @@ from tests.services import PostgresServer, RedisServer, fresh_database, running
 
 NEVER_SKIPPED_IN_CI = ("browser", "service")
 SERVICES = {"postgres_url", "postgres_server", "redis_server"}  # fixtures; whoever takes one is marked as `service`
-WAITING = {"faults", "serving", "training", "clients", "experiments"}  # folders
+WAITING = {"faults", "serving", "training", "transports", "clients", "experiments"}  # folders
 
 SETTINGS["SHEPHERD_WEB_WORKERS"] = "1"  # a second web process takes a second of CPU to start, sixty times
 

@@ -160,7 +160,7 @@ def test_a_database_that_is_locked_is_a_503(api, core):
 
 def test_executions_that_cannot_be_reached_are_a_503(api, core):
     core.answer = ConnectionRefusedError(111, "Connection refused")
-    assert_problem(post(api), 503, "unavailable", "The executions cannot be reached now")
+    assert_problem(post(api), 503, "unavailable", "The executions, or what they saved, cannot be reached now")
 
 
 def test_a_fault_is_logged_with_its_traceback_and_tells_the_client_nothing(api, core, capsys, caplog):
