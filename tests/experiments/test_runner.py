@@ -48,6 +48,12 @@ def files(results: Path) -> dict[str, tuple[int, str]]:
     return {path.name: (path.stat().st_mtime_ns, path.read_text()) for path in (results / "9.9").glob("*.json")}
 
 
+def play_here(results: Path) -> None:
+    """Play what is missing without the processes of `play`, each of which takes seconds to begin."""
+    for job in missing([FIGURE], results):
+        job.run()
+
+
 def test_a_run_is_kept_as_json(tmp_path: Path) -> None:
     assert play([FIGURE], tmp_path, 2) == []
     assert sorted(files(tmp_path)) == sorted(
@@ -60,7 +66,7 @@ def test_a_run_is_kept_as_json(tmp_path: Path) -> None:
 
 
 def test_a_run_that_is_there_is_not_played_again(tmp_path: Path) -> None:
-    play([FIGURE], tmp_path, 1)
+    play_here(tmp_path)
     before = files(tmp_path)
     (tmp_path / "9.9" / "a-panel-low-2.json").unlink()
     assert len(missing([FIGURE], tmp_path)) == 1
@@ -75,17 +81,17 @@ def test_a_run_that_is_there_is_not_played_again(tmp_path: Path) -> None:
     ["", "{", "[]", '{"seed": 0}', '{"executions": [[[1, 2.0]]], "settings": {"task": "Counting", "episodes": 5}}'],
 )
 def test_a_broken_result_is_played_again(tmp_path: Path, wrong: str) -> None:
-    play([FIGURE], tmp_path, 1)
+    play_here(tmp_path)
     path = tmp_path / "9.9" / "a-panel-low-0.json"
     whole = path.read_text()
     path.write_text(wrong)
     assert [job.path for job in missing([FIGURE], tmp_path)] == [path]
-    play([FIGURE], tmp_path, 1)
+    play_here(tmp_path)
     assert json.loads(path.read_text())["executions"] == json.loads(whole)["executions"]
 
 
 def test_a_run_of_other_settings_is_played_again(tmp_path: Path) -> None:
-    play([FIGURE], tmp_path, 1)
+    play_here(tmp_path)
     panel = Panel("A panel", LOW_AND_HIGH | {"high": Counting(5, 60.0)})
     assert {job.path.name for job in missing([replace(FIGURE, panels=(panel,))], tmp_path)} == {
         f"a-panel-high-{seed}.json" for seed in range(3)
@@ -109,7 +115,7 @@ def test_what_fails_is_told_and_the_rest_is_played(tmp_path: Path) -> None:
 
 
 def test_a_curve_is_the_mean_of_its_executions(tmp_path: Path) -> None:
-    play([FIGURE], tmp_path, 1)
+    play_here(tmp_path)
     assert read_curve(tmp_path, FIGURE, FIGURE.panels[0], "low").tolist() == [
         [seed + 1.0 + n for n in range(5)] for seed in range(3)
     ]
@@ -134,6 +140,6 @@ def test_the_page_says_what_was_found(tmp_path: Path) -> None:
 
 
 def test_a_page_without_all_runs_says_how_many_there_are(tmp_path: Path) -> None:
-    play([FIGURE], tmp_path, 1)
+    play_here(tmp_path)
     (tmp_path / "9.9" / "a-panel-low-2.json").unlink()
     assert "(2 to 3 of 3 runs per curve so far)" in page.found(FIGURE, tmp_path)
