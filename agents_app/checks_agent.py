@@ -181,30 +181,31 @@ def _check_policy(algorithm: Algorithm, space: spaces.Space, policy: str) -> Non
 
 def _check_masks(agent: Agent, algorithm: Algorithm, space: spaces.Space) -> None:
     """Masks that the algorithm or the actions cannot take."""
-    if not agent.action_masks:
-        return
-    sentence = ""
-    if not isinstance(space, spaces.Discrete):
-        sentence = "Only one of n actions can be forbidden: write no."
-    elif not get_row(algorithm.name).masks:
-        sentence = f"{algorithm} cannot be told which actions are allowed: write no, or choose e.g. PPO."
-    if sentence:
-        raise ValidationError({"action_masks": sentence})
+    if agent.action_masks:
+        nowhere = "Only one of n actions can be forbidden: write no."
+        unable = f"{algorithm} cannot be told which actions are allowed: write no, or choose e.g. PPO."
+        _check_of_choices("action_masks", space, nowhere, get_row(algorithm.name).masks, unable)
 
 
 def _check_features(agent: Agent, algorithm: Algorithm, space: spaces.Space) -> None:
     """Features of actions that the algorithm or the actions cannot have, or that are no table."""
     if agent.action_features is None:
         return
-    sentence = ""
-    if not isinstance(space, spaces.Discrete):
-        sentence = "Only one of n actions can have features: leave it empty."
-    elif not get_row(algorithm.name).scores:
-        sentence = f"{algorithm} cannot use features of actions: leave it empty, or choose e.g. DQN."
-    elif not _is_table(agent.action_features, int(space.n)):
-        sentence = f"Write {space.n} rows, one for each action, of as many finite numbers each."
-    if sentence:
+    nowhere = "Only one of n actions can have features: leave it empty."
+    unable = f"{algorithm} cannot use features of actions: leave it empty, or choose e.g. DQN."
+    count = _check_of_choices("action_features", space, nowhere, get_row(algorithm.name).scores, unable)
+    if not _is_table(agent.action_features, count):
+        sentence = f"Write {count} rows, one for each action, of as many finite numbers each."
         raise ValidationError({"action_features": sentence})
+
+
+def _check_of_choices(field: str, space: spaces.Space, nowhere: str, able: bool, unable: str) -> int:
+    """How many actions a field is about, one of which is chosen; where there are none, or the algorithm is unable, it says so."""
+    if not isinstance(space, spaces.Discrete):
+        raise ValidationError({field: nowhere})
+    if not able:
+        raise ValidationError({field: unable})
+    return int(space.n)
 
 
 def _is_table(rows: Any, count: int) -> bool:
