@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -27,6 +28,29 @@ def write(path: Path, task: Any, seed: int, executions: list[Episodes], seconds:
     where = setting()
     run = {"seed": seed, "settings": settings_of(task), "commit": where["commit"], "at": where["at"]}
     run |= {"seconds": round(seconds, 1), "executions": executions}
+    _keep(path, run)
+
+
+def borrow(path: Path, task: Any, seed: int) -> bool:
+    """Keep a run of another figure as this one, if one with this seed has the same settings and episodes enough."""
+    for other in sorted(path.parent.parent.glob(f"*/*-{seed}.json")):
+        longer = replace(task, episodes=_episodes_in(other))
+        if other != path and longer.episodes >= task.episodes and read(other, longer) is not None:
+            run = json.loads(other.read_text())
+            cut = [episodes[: task.episodes] for episodes in run["executions"]]
+            _keep(path, run | {"settings": settings_of(task), "executions": cut})
+            return True
+    return False
+
+
+def _episodes_in(path: Path) -> int:
+    try:
+        return int(json.loads(path.read_text())["settings"]["episodes"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return 0
+
+
+def _keep(path: Path, run: dict[str, Any]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     new = path.with_suffix(".new")
     new.write_text(json.dumps(run, separators=(",", ":")) + "\n")

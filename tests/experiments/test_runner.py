@@ -11,7 +11,7 @@ import pytest
 
 from experiments import drawing, page
 from experiments.figure import Claim, Episodes, Figure, Panel, settings_of
-from experiments.results import read_curve
+from experiments.results import borrow, read_curve
 from experiments.runner import missing, play
 
 
@@ -96,6 +96,18 @@ def test_a_run_of_other_settings_is_played_again(tmp_path: Path) -> None:
     assert {job.path.name for job in missing([replace(FIGURE, panels=(panel,))], tmp_path)} == {
         f"a-panel-high-{seed}.json" for seed in range(3)
     }
+
+
+def test_a_curve_of_two_figures_is_played_once(tmp_path: Path) -> None:
+    play_here(tmp_path)
+    before = json.loads((tmp_path / "9.9" / "a-panel-low-1.json").read_text())
+    shorter = {"other": Counting(3), "else": Counting(3, 60.0), "longer": Counting(6)}
+    panel = Panel("B", shorter)
+    for job in missing([replace(FIGURE, number="8.8", panels=(panel,))], tmp_path):
+        assert borrow(job.path, job.task, job.seed) is (job.task == shorter["other"])
+    run = json.loads((tmp_path / "8.8" / "b-other-1.json").read_text())
+    assert run["executions"] == [episodes[:3] for episodes in before["executions"]]
+    assert (run["commit"], run["settings"]) == (before["commit"], {"task": "Counting", "episodes": 3})
 
 
 def test_settings_leave_out_what_is_as_usual() -> None:
