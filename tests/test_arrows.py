@@ -26,6 +26,7 @@ PAGES = ("frontend/**/*.html", "frontend/**/*.js", "*_app/templates/**/*.html", 
 ARROWS: list[tuple[str, str, tuple[str, ...]]] = [
     ("algorithms are pure RL", "agents_app/algorithms/**/*.py", (*DJANGO, "agents_app.models", "envs_app", "shepherd")),
     ("spaces have no Django", "agents_app/spaces.py", (*DJANGO, *HEAVY, "envs_app", "shepherd")),
+    ("demos have no Django", "agents_app/demos.py", (*DJANGO, *HEAVY, "agents_app.models", "envs_app", "shepherd")),
     ("executions have no Django", "envs_app/execution/**/*.py", (*DJANGO, "agents_app.models", "shepherd")),
     ("executions know no caller", "envs_app/execution/**/*.py", ("envs_app.views", "envs_app.sessions")),
     ("ShepherdEnv has no Django", "envs_app/shepherd_env.py", (*DJANGO, "agents_app.models", "shepherd")),

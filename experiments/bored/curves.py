@@ -5,27 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from shepherd_environments.bored import features
-
 from agents_app.algorithms.spec import AgentSpec
-from experiments.bored.city import read_places
+from agents_app.demos import DEMOS
 from experiments.bored.players import Chance, LinUCB, MostPopular, Oracle, Player, Shepherd, Thompson
 
-OBSERVATIONS = [[29], -1, 1]
-DQN: dict[str, Any] = {
-    "gamma": 0.0,
-    "net_arch": "0",
-    "learning_rate": 3e-3,
-    "buffer_size": 20_000,
-    "learning_starts": 50,
-    "batch_size": 256,
-    "train_freq": 4,
-    "gradient_steps": 1,
-    "target_update_interval": 1,
-    "exploration_fraction": 0.05,
-    "exploration_final_eps": 0.05,
-    "total_timesteps": 20_000,
-}
+BORED = DEMOS["Bored in the city"]  # the agent of the page
+DQN: dict[str, Any] = BORED["parameters"]
 PPO: dict[str, Any] = {
     "gamma": 0.0,
     "gae_lambda": 0.0,
@@ -44,8 +29,9 @@ def shepherd(
     """Shepherd's agent, whose executions share the visitors; neither number is known before. `knows` its places' features."""
 
     def make(actions: int, seed: int) -> Player:
-        fields = advice | {"action_masks": True, "action_features": features(read_places()) if knows else None}
-        return Shepherd(AgentSpec(algorithm, actions, OBSERVATIONS, parameters=parameters, **fields), executions, seed)
+        fields = advice | {"action_masks": True, "action_features": BORED["action_features"] if knows else None}
+        spec = AgentSpec(algorithm, actions, BORED["observation_space"], parameters=parameters, **fields)
+        return Shepherd(spec, executions, seed)
 
     return make
 

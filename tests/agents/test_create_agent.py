@@ -8,7 +8,7 @@ import pytest
 from django.core.management import CommandError, call_command
 from shepherd_environments.bored import Place, Point, features
 
-from agents_app.management.commands.demo_data import PLACES
+from agents_app.demos import PLACES
 from agents_app.models import Agent, APIKey, User, hash_key
 
 pytestmark = pytest.mark.django_db

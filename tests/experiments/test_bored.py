@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from mabwiser.mab import MAB, LearningPolicy
-from shepherd_environments.bored import CITY, allowed, features
+from shepherd_environments.bored import CITY, allowed
 
-from agents_app.management.commands.demo_data import DEMOS
 from experiments.bored import curves
-from experiments.bored.city import BEGIN, City, Suggestion, read_places
+from experiments.bored.city import BEGIN, City, Suggestion
 from experiments.bored.players import Chance, LinUCB, MostPopular, Oracle, Player, Thompson
 
 SMALL: dict[str, Any] = {"learning_starts": 10, "batch_size": 8, "buffer_size": 500, "gamma": 0.0, "net_arch": "8"}
@@ -81,9 +80,3 @@ def test_who_knows_all_tastes_does_better_than_chance() -> None:
         np.mean([played(player, 8, seed)[0].loved() for seed in (1, 2)]) for player in (Oracle, Chance)
     )
     assert knowing > guessing + 0.1
-
-
-def test_the_agent_of_the_study_is_that_of_the_demo_data() -> None:
-    demo = DEMOS["Bored in the city"]
-    assert demo["parameters"] == curves.DQN
-    assert np.allclose(demo["action_features"], features(read_places()))
