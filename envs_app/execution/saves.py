@@ -20,6 +20,7 @@ from envs_app.execution.storage import Storage
 
 MODEL, META = "model.zip", "meta.json"
 LITTER_SECONDS = 600.0
+TICK = 1e-6  # seconds, the last digit of the time in a name
 MOST = 50  # saves of a run
 
 
@@ -58,7 +59,7 @@ class SaveStore:
         """Make a save, atomically; returns its name. Raises OSError (disk full, folder not writable) or the storage's own."""
         model = BytesIO()
         write_model(model)
-        meta.created_at, meta.sha256 = time.time(), _digest(model)
+        meta.created_at, meta.sha256 = self._next_time(), _digest(model)
         name = f"{meta.created_at:017.6f}-{meta.execution[:8]}-{meta.steps}"
         try:
             self.storage.save(self._path(name, MODEL), model)
@@ -68,6 +69,11 @@ class SaveStore:
                 self.delete(name)
             raise
         return name
+
+    def _next_time(self) -> float:
+        """Now; or just after the newest save, where a clock was set back or another machine's is ahead: names tell the order."""
+        newest = max((time_in(name) for name in self.names()), default=0.0)
+        return max(time.time(), newest + TICK)
 
     def names(self) -> list[str]:
         """The names of the saves, newest first; not yet checked, nor known to be whole."""
@@ -123,10 +129,9 @@ class SaveStore:
     def _clear_litter(self) -> None:
         """Remove what processes left that died while they wrote; a save's name begins with its time."""
         for name in self.names():
-            with suppress(ValueError):
-                old = time.time() - float(name.partition("-")[0]) > LITTER_SECONDS
-                if old and self.meta(name) is None and META not in self._list(name)[1]:
-                    self.delete(name)
+            old = 0.0 < time_in(name) < time.time() - LITTER_SECONDS
+            if old and self.meta(name) is None and META not in self._list(name)[1]:
+                self.delete(name)
 
     def delete(self, name: str) -> None:
         """Remove a save: first what makes it one, so that nobody reads half of it. Another process may do the same."""
@@ -148,6 +153,14 @@ class SaveStore:
     def _read(self, name: str, file: str) -> bytes:
         with self.storage.open(self._path(name, file)) as opened:
             return opened.read()
+
+
+def time_in(name: str) -> float:
+    """When a save was made, in seconds since the epoch, as its name says; 0 for what is no name of a save."""
+    try:
+        return float(name.partition("-")[0])
+    except ValueError:
+        return 0.0
 
 
 def _merit(meta: SaveMeta) -> float:

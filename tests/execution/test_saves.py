@@ -78,6 +78,19 @@ def test_the_newest_is_chosen(store: SaveStore) -> None:
     assert (chosen.name, chosen.model.getvalue()) == (names[2], b"model of 30")
 
 
+def test_the_newest_is_the_newest_though_the_clock_was_set_back(
+    store: SaveStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for steps in range(1, 4):
+        save(store, steps)
+    hour_ago = time.time() - 3600
+    monkeypatch.setattr(time, "time", lambda: hour_ago)
+    for steps in range(4, 9):
+        save(store, steps)
+        store.prune(2)
+        assert steps_of(store) == [steps, steps - 1]
+
+
 def test_the_best_is_chosen_when_asked_for(store: SaveStore) -> None:
     for steps, mean_return in ((10, -5.0), (20, 7.0), (30, None), (40, 3.0)):
         save(store, steps, mean_return)
