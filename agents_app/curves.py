@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from datetime import timedelta
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ WINDOW = 100  # episodes of the moving average (thesis, figure 5.17)
 RAW = 2000  # so many returns are read one by one before they are summed up
 AT_ONCE = 20_000  # returns that one reading sums up; the next one goes on
 SETTLED = timedelta(seconds=10)  # after that, no transaction still holds back a return with a lower id
+AHEAD = timedelta(minutes=10)  # so far the clock of another machine may be; what is later still has nothing to wait for
 
 
 @dataclass
@@ -86,11 +88,20 @@ def catch_up(seconds: float = 1.0) -> bool:
 def sum_up(run: Run) -> bool:
     """Put settled returns into blocks, if they are many. Returns whether there are more."""
     run.refresh_from_db(fields=["summed_to"])
-    rows = EpisodeReturn.objects.filter(run=run, id__gt=run.summed_to, created_at__lt=timezone.now() - SETTLED)
-    found = list(rows.order_by("id").values_list("id", "execution_id", "value")[:AT_ONCE])
+    found = _settled(run)
     if len(found) >= RAW:
         _add_blocks(run, np.array(found, dtype=[("id", "i8"), ("execution", "i8"), ("value", "f8")]))
     return len(found) == AT_ONCE
+
+
+def _settled(run: Run) -> list[tuple[int, int, float]]:
+    """Id, execution and value of the next returns, up to the first that is too new, though later ones may seem older: times come
+    from many clocks, and what lies before `summed_to` is never looked at again."""
+    now = timezone.now()
+    new = Q(created_at__gt=now - SETTLED, created_at__lt=now + AHEAD)
+    rows = EpisodeReturn.objects.filter(run=run, id__gt=run.summed_to).order_by("id").annotate(new=new)
+    found = rows.values_list("id", "execution_id", "value", "new")[:AT_ONCE]
+    return [row[:3] for row in takewhile(lambda row: not row[3], found)]
 
 
 @transaction.atomic

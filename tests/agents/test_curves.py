@@ -79,6 +79,27 @@ def test_returns_that_may_still_be_overtaken_are_not_summed_up(run):
     assert not CurveBlock.objects.exists()
 
 
+@pytest.mark.parametrize(
+    "age", [9, -100, -3600], ids=["a moment ago", "another clock, ahead", "the clock was set back"]
+)
+def test_no_return_is_left_behind_by_later_ones_that_seem_older(run, age):
+    add(run, np.zeros(2_100))
+    add(run, np.full(500, 7.0), age=age)
+    add(run, np.zeros(2_100))
+    curves.sum_up(run)
+    line = curves.read(run)["lines"][0]
+    assert line["x"][-1] == 4_700
+    in_blocks = sum(CurveBlock.objects.filter(execution=None).values_list("count", flat=True))
+    assert in_blocks + EpisodeReturn.objects.filter(id__gt=run.summed_to).count() == 4_700
+
+
+def test_a_return_of_the_far_future_holds_nothing_up(run):
+    add(run, np.zeros(5), age=-3600 * 24 * 365)
+    add(run, np.zeros(2_100))
+    curves.sum_up(run)
+    assert sum(CurveBlock.objects.filter(execution=None).values_list("count", flat=True)) == 2_105
+
+
 def test_of_two_readers_at_once_one_sums_up(run):
     add(run, np.ones(3_000))
     stale = Run.objects.get(pk=run.pk)
