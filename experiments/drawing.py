@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from experiments.figure import Figure, Panel
 from experiments.results import advisor_return, read_curve
 from experiments.statistics import smooth
 
+COLUMNS = 4  # panels in a row
 COLOURS = ("#777777", "#d95f02", "#1f77b4", "#1b9e77", "#7b3294", "#a6761d")
 
 
@@ -28,10 +30,12 @@ def draw(figure: Figure, results: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    size = (4.8 * len(figure.panels), 3.8)
-    drawing, axes = pyplot.subplots(1, len(figure.panels), figsize=size, layout="constrained", squeeze=False)
-    for axis, panel in zip(axes[0], figure.panels, strict=True):
-        _draw_panel(axis, figure, panel, results)
+    columns = min(COLUMNS, len(figure.panels))
+    rows = -(-len(figure.panels) // columns)
+    size = (4.8 * columns, 3.8 * rows)
+    drawing, axes = pyplot.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False)
+    for axis, panel in zip_longest(axes.flat, figure.panels):
+        _draw_panel(axis, figure, panel, results) if panel else axis.set_axis_off()
     path = path_of(figure, results)
     path.parent.mkdir(parents=True, exist_ok=True)
     drawing.savefig(path, dpi=110)
@@ -45,6 +49,8 @@ def _draw_panel(axis: Any, figure: Figure, panel: Panel, results: Path) -> None:
             _draw_curve(axis, smooth(runs, panel.window), f"{name} ({len(runs)} runs)", colour)
         for advisor in task.advisors:
             _draw_advisor(axis, advisor_return(results / "advisors", advisor))
+    for level in (it for it in figure.levels if it.panel == panel.title):
+        axis.plot([0, level.by or panel.curves[level.curve].episodes], [level.known] * 2, "k:", lw=1)
     axis.set_title(panel.title)
     axis.set_xlabel("episode")
     axis.set_ylabel(f"return, mean of {panel.window} episodes")

@@ -1,4 +1,4 @@
-"""What a figure is: panels of curves, and what the thesis found in them."""
+"""What a figure is: panels of curves, and what the thesis, or somebody else, found in them."""
 
 from __future__ import annotations
 
@@ -36,6 +36,7 @@ class Panel:
     curves: dict[str, Any]  # name to Task
     window: int = 50  # episodes of the moving average
     goal: float | None = None  # a return; the table tells when it is reached
+    runs: int | None = None  # where it has not as many as the figure
 
 
 @dataclass(frozen=True)
@@ -51,27 +52,48 @@ class Claim:
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A figure of the thesis. `runs` per curve, with the seeds 0 to runs - 1."""
+class Level:
+    """A known figure: a curve's mean return over `over` episodes, up to episode `by` (None: its last), is at least `known`."""
 
-    number: str
+    panel: str
+    curve: str
+    known: float
+    source: str
+    by: int | None = None
+    over: int = 100
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the thesis, or of our own. `runs` per curve, with the seeds 0 to runs - 1."""
+
+    number: str  # of the thesis, e.g. 3.4; else a word
     title: str
-    thesis: str
+    thesis: str  # what it, or `said_by`, says
     panels: tuple[Panel, ...]
     claims: tuple[Claim, ...]
     runs: int = 4
+    levels: tuple[Level, ...] = ()
+    said_by: str = "The thesis"
+    remark: str = ""  # ours, below the tables
 
     def panel(self, title: str) -> Panel:
         """By its title."""
         return next(panel for panel in self.panels if panel.title == title)
 
+    def runs_of(self, panel: Panel) -> int:
+        """How many runs each of its curves has."""
+        return panel.runs or self.runs
+
     def shortened(self, episodes: int | None, runs: int | None) -> Figure:
         """A smaller figure, for a quick look; its claims are about whole runs."""
-        smaller = replace(self, runs=runs or self.runs)
+        panels = tuple(replace(it, runs=runs or it.runs) for it in self.panels)
+        smaller = replace(self, runs=runs or self.runs, panels=panels)
         if episodes is None:
             return smaller
-        panels = tuple(_shortened(panel, episodes) for panel in self.panels)
-        return replace(smaller, panels=panels, claims=tuple(replace(it, first=0, last=None) for it in self.claims))
+        panels = tuple(_shortened(panel, episodes) for panel in panels)
+        claims = tuple(replace(it, first=0, last=None) for it in self.claims)
+        return replace(smaller, panels=panels, claims=claims, levels=tuple(replace(it, by=None) for it in self.levels))
 
 
 def _shortened(panel: Panel, episodes: int) -> Panel:
@@ -89,9 +111,11 @@ def settings_of(task: Any) -> dict[str, Any]:
 
 
 def numbers() -> list[str]:
-    """The figures that there are, e.g. 3.4, in order."""
+    """The figures that there are: those of the thesis in order, e.g. 3.4, then our own, e.g. known."""
     names = [path.stem.removeprefix("figure_") for path in FOLDER.glob("figure_*.py")]
-    return [f"{chapter}.{number}" for chapter, number in sorted(tuple(map(int, name.split("_"))) for name in names)]
+    numbered = sorted(tuple(map(int, name.split("_"))) for name in names if name[0].isdigit())
+    ours = sorted(name for name in names if not name[0].isdigit())
+    return [f"{chapter}.{number}" for chapter, number in numbered] + ours
 
 
 @cache

@@ -33,6 +33,8 @@ class InProcess:
     parameters: dict[str, Any] = field(default_factory=dict)
     agent: dict[str, Any] = field(default_factory=dict)
     advisor: str = ""  # UNIFORM, or one of those of advisors.py
+    scale: float = 1.0  # what the numbers of observations are multiplied with
+    shift: float = 0.0  # what is added then
 
     @property
     def advisors(self) -> tuple[str, ...]:
@@ -43,6 +45,8 @@ class InProcess:
         """One run of one learner."""
         log = Log()
         env: gym.Env = Recorder(gym.make(self.environment), log)
+        if (self.scale, self.shift) != (1.0, 0.0):
+            env = Scaled(env, self.scale, self.shift)
         if self.advisor:
             env = Advised(env, self._advise(env, saves))
         algorithm = build(spec_of(env, self.algorithm, self.parameters, **self.agent), env, seed)
@@ -58,6 +62,20 @@ def spec_of(env: gym.Env, algorithm: str, parameters: dict[str, Any], **fields: 
     """An agent for an environment."""
     notes = spaces_of(env.unwrapped)
     return AgentSpec(algorithm, notes.action_space, notes.observation_space, parameters=parameters, **fields)
+
+
+class Scaled(gym.ObservationWrapper):
+    """The same environment, told in other units."""
+
+    def __init__(self, env: gym.Env, scale: float, shift: float) -> None:
+        super().__init__(env)
+        assert isinstance(env.observation_space, gym.spaces.Box)
+        self.scale, self.shift = scale, shift
+        self.observation_space = gym.spaces.Box(-np.inf, np.inf, env.observation_space.shape)
+
+    def observation(self, observation: Any) -> np.ndarray:
+        """As a client would send it, rounded to float32."""
+        return (np.asarray(observation, np.float64) * self.scale + self.shift).astype(np.float32)
 
 
 class Advised(gym.ObservationWrapper):

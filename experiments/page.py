@@ -1,4 +1,4 @@
-"""README.md: each figure, what the thesis found, what we found. All of it is written from the results."""
+"""README.md: each figure, what the thesis found, what we found. All of it is written from the results and the figures' files."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from experiments import drawing
 from experiments.figure import Claim, Figure, Panel
+from experiments.levels import level_table, say
 from experiments.results import read_curve
 from experiments.statistics import Comparison, areas, compare, interval, reached
 
@@ -29,18 +30,26 @@ def chapter(figure: Figure, results: Path, page: Path = PAGE) -> str:
     path = drawing.path_of(figure, results)
     if path.exists() and path.is_relative_to(page.parent):
         lines += [f"![figure {figure.number}]({path.relative_to(page.parent)})", ""]
-    lines += [f"The thesis: {figure.thesis} We: {found(figure, results)}", "", table(figure, results), ""]
+    lines += [f"{figure.said_by}: {figure.thesis} We: {found(figure, results)}", ""]
+    lines += [*level_table(figure, results), table(figure, results), ""]
+    lines += [figure.remark, ""] if figure.remark else []
     return "\n".join(lines)
 
 
 def found(figure: Figure, results: Path) -> str:
-    """What our runs say of each claim, in one line."""
+    """What our runs say of each claim and of each known figure, in one line."""
     counts = [len(runs) for panel in figure.panels for runs in _curves(figure, panel, results).values()]
     if not any(counts):
         return "no runs yet."
-    so_far = f"{min(counts)}" if min(counts) == max(counts) else f"{min(counts)} to {max(counts)}"
-    said = "; ".join(_say(claim, _compare(figure, claim, results)) for claim in figure.claims)
-    return f"{said} ({so_far} of {figure.runs} runs per curve so far)."
+    wanted = _span([figure.runs_of(panel) for panel in figure.panels])
+    said = [_say(claim, _compare(figure, claim, results)) for claim in figure.claims]
+    said += [say(figure, level, results) for level in figure.levels]
+    return f"{'; '.join(said)} ({_span(counts)} of {wanted} runs per curve so far)."
+
+
+def _span(numbers: list[int]) -> str:
+    low, high = min(numbers), max(numbers)
+    return f"{low}" if low == high else f"{low} to {high}"
 
 
 def table(figure: Figure, results: Path) -> str:
@@ -51,6 +60,8 @@ def table(figure: Figure, results: Path) -> str:
     ]
     for panel in figure.panels:
         lines += [_row(panel, name, runs) for name, runs in _curves(figure, panel, results).items()]
+    if not figure.claims:
+        return "\n".join(lines)
     lines += ["", "| claim | episodes | difference, 95 % | p (Welch) | p (Wilcoxon) | |", "|---" * 6 + "|"]
     return "\n".join([*lines, *(_claim_row(figure, claim, results) for claim in figure.claims)])
 

@@ -71,7 +71,7 @@ def read(path: Path, task: Any) -> np.ndarray | None:
 def read_curve(results: Path, figure: Figure, panel: Panel, curve: str) -> np.ndarray:
     """All runs of a curve so far, (runs, episodes); of several executions their mean."""
     task = panel.curves[curve]
-    runs = [read(path_of(results, figure, panel, curve, seed), task) for seed in range(figure.runs)]
+    runs = [read(path_of(results, figure, panel, curve, seed), task) for seed in range(figure.runs_of(panel))]
     means = [run.mean(axis=0) for run in runs if run is not None]
     return np.array(means).reshape(len(means), task.episodes)
 

@@ -71,8 +71,8 @@ def missing(figures: Iterable[Figure], results: Path) -> list[Job]:
     jobs = [
         Job(path, task, seed, results / "advisors")
         for figure in figures
-        for seed in range(figure.runs)
         for panel in figure.panels
+        for seed in range(figure.runs_of(panel))
         for curve, task in panel.curves.items()
         if files.read(path := files.path_of(results, figure, panel, curve, seed), task) is None
     ]

@@ -12,13 +12,13 @@ from experiments import __main__ as command
 from experiments import advisors
 from experiments.advisors import ADVISORS, UNIFORM
 from experiments.figure import figure, numbers
-from experiments.in_process import Advised, InProcess
+from experiments.in_process import Advised, InProcess, Scaled
 from experiments.results import RESULTS, advisor_return, read_curve
 from experiments.runner import missing
 
 
 def test_the_figures_are_those_of_the_issue() -> None:
-    assert numbers() == ["2.2", "2.3", "3.3", "3.4", "3.5", "3.7", "5.19"]
+    assert numbers() == ["2.2", "2.3", "3.3", "3.4", "3.5", "3.7", "5.19", "known", "normalisation"]
 
 
 @pytest.mark.parametrize("number", numbers())
@@ -26,14 +26,18 @@ def test_a_figure_is_consistent(number: str, tmp_path: Path) -> None:
     whole = figure(number)
     assert whole.number == number
     assert whole.runs >= (8 if number == "5.19" else 4)
+    assert whole.claims or whole.levels
     for claim in whole.claims:
         curves = whole.panel(claim.panel).curves
         assert {claim.better, claim.worse} <= curves.keys()
         assert all(claim.first < (claim.last or task.episodes) <= task.episodes for task in curves.values())
+    for level in whole.levels:
+        episodes = whole.panel(level.panel).curves[level.curve].episodes
+        assert level.over <= (level.by or episodes) <= episodes
     for task in (task for panel in whole.panels for task in panel.curves.values()):
         assert all(ADVISORS[name].environment == task.environment for name in task.advisors)
     paths = [job.path for job in missing([whole], tmp_path)]
-    assert len(set(paths)) == len(paths) == whole.runs * sum(len(panel.curves) for panel in whole.panels)
+    assert len(set(paths)) == len(paths) == sum(whole.runs_of(panel) * len(panel.curves) for panel in whole.panels)
 
 
 @pytest.mark.slow
@@ -95,6 +99,18 @@ def test_advice_rides_beside_the_observation() -> None:
     assert obs["advice"].tolist() == [0.5, 0.5]
     assert obs in env.observation_space
     assert env.step(0)[0] in env.observation_space
+
+
+def test_other_units_are_the_same_environment() -> None:
+    plain, told = gym.make("CartPole-v1"), Scaled(gym.make("CartPole-v1"), 1000.0, 3000.0)
+    obs, far = plain.reset(seed=1)[0], told.reset(seed=1)[0]
+    np.testing.assert_allclose(far, obs * 1000.0 + 3000.0, atol=1e-3)
+    assert far.dtype == np.float32 and far in told.observation_space
+
+
+def test_a_learner_sees_the_units_of_its_task() -> None:
+    runs = [InProcess("CartPole-v1", 20, scale=scale).learn(1, Path(), lambda: None) for scale in (1.0, 1e6)]
+    assert runs[0] != runs[1]
 
 
 def test_the_uniform_advisor_of_continuous_actions_spans_their_range() -> None:

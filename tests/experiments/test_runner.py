@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
 
-from experiments import drawing, page
-from experiments.figure import Claim, Episodes, Figure, Panel, settings_of
+from experiments import drawing, levels, page
+from experiments.figure import Claim, Episodes, Figure, Level, Panel, settings_of
 from experiments.results import borrow, read_curve
 from experiments.runner import missing, play
 
@@ -22,6 +22,8 @@ class Counting:
     episodes: int
     height: float = 0.0
     fails: bool = False
+    algorithm: str = "Counting"
+    parameters: dict[str, int] = field(default_factory=dict)
 
     @property
     def advisors(self) -> tuple[str, ...]:
@@ -149,6 +151,22 @@ def test_the_page_says_what_was_found(tmp_path: Path) -> None:
     assert "(3 of 3 runs per curve so far)" in text
     assert "| A panel | high | 3 | 54.0 (53.0 to 55.0) | 56.0 | 40: episode 2 (3 of 3) |" in text
     assert "| A panel | low | 3 | 4.0 (3.0 to 5.0) | 6.0 | 40: not by most (0 of 3) |" in text
+
+
+def test_known_figures_are_compared_with_the_last_episodes_of_each_run(tmp_path: Path) -> None:
+    panel = replace(FIGURE.panels[0], runs=2)
+    high = [Level("A panel", "high", known, "somebody", by, 2) for known, by in ((54, None), (55, 5), (60, 3))]
+    figure = replace(FIGURE, panels=(panel,), claims=(), levels=(*high, Level("A panel", "low", 1, "nobody")))
+    for job in missing([figure], tmp_path):
+        job.run() if job.task.height else None
+    table = levels.level_table(figure, tmp_path)
+    assert table[2] == "| A panel | Counting: its defaults | 54 (somebody) | 4 to 5 | 54, 56 | 55 | reached |"
+    assert table[3].endswith("| 4 to 5 | 54, 56 | 55 | reached (1 of 2 runs) |")
+    assert table[4].endswith("| 2 to 3 | 52, 54 | 53 | not reached |")
+    assert table[5].endswith("|  |  | no runs yet |")
+    text = page.chapter(figure, tmp_path)
+    assert "We: A panel, high, by episode 5: 55 where 54 is known, reached; " in text
+    assert "(0 to 2 of 2 runs per curve so far)" in text and "claim" not in text
 
 
 def test_a_page_without_all_runs_says_how_many_there_are(tmp_path: Path) -> None:
