@@ -15,6 +15,7 @@ from django.db.models import OuterRef, Subquery
 
 from agents_app.models import Agent, APIKey, Run, Session
 
+NOTED = {"last_activity_at", "last_used_at"}  # these change because somebody steps, and change nothing for a step
 HASH = "the hash of the session key"  # in the query that is made once
 
 
@@ -28,7 +29,7 @@ def facts_of(key_hash: str) -> tuple[Any, ...] | None:
 
 @cache
 def _query() -> tuple[str, tuple[Any, ...]]:
-    """The SQL and its parameters. Every field of the agent and of the key: what a handle will need one day is among them."""
+    """The SQL and its parameters. Nearly every field of the agent and of the key: what a handle needs one day is among them."""
     run = Run.objects.filter(agent=OuterRef("agent")).order_by("-number").values("pk")[:1]
     names = [*_names("agent", Agent), *_names("api_key", APIKey), "agent__owner__is_active"]
     sessions = Session.objects.filter(hash=HASH, closed_at=None).order_by().annotate(run=Subquery(run))
@@ -36,4 +37,4 @@ def _query() -> tuple[str, tuple[Any, ...]]:
 
 
 def _names(path: str, model: type[models.Model]) -> list[str]:
-    return [f"{path}__{field.attname}" for field in model._meta.concrete_fields]
+    return [f"{path}__{field.attname}" for field in model._meta.concrete_fields if field.attname not in NOTED]
