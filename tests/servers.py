@@ -45,7 +45,7 @@ class Server:
 
     def __init__(self, data: Path, environment: dict[str, Any], command: Sequence[str] = ("serve",)) -> None:
         self.data = data
-        self.environment = _environment(data) | SETTINGS | {name: str(value) for name, value in environment.items()}
+        self.environment = environment_of(data) | SETTINGS | {name: str(value) for name, value in environment.items()}
         self.output = (data / "output.txt").open("ab")
         self.process = subprocess.Popen(
             [sys.executable, "-I", "-S", bond.__file__, str(os.getpid()), sys.executable, "manage.py", *command],
@@ -85,11 +85,11 @@ class Server:
 
     def web_pids(self) -> list[int]:
         """The web processes that answer requests."""
-        return _children(self.granian_pid())
+        return children_of(self.granian_pid())
 
     def execution_pids(self) -> list[int]:
         """The executions."""
-        return _children(self.parent_pid())
+        return children_of(self.parent_pid())
 
     def processes(self) -> list[psutil.Process]:
         """Everything that lives with this server's data folder, whoever its parent is."""
@@ -168,7 +168,7 @@ class Server:
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
-        left = [f"{process.pid} {_title(process)}" for process in self.processes()]
+        left = [f"{process.pid} {title_of(process)}" for process in self.processes()]
         for process in self.processes():
             with suppress(psutil.NoSuchProcess):
                 process.kill()
@@ -201,6 +201,30 @@ def processes_of(data: Path) -> list[psutil.Process]:
     return [process for process in psutil.process_iter() if _data_of(process) == str(data)]
 
 
+def environment_of(data: Path) -> dict[str, str]:
+    """This environment without settings of a developer's own server. SPT_NOENV keeps /proc/*/environ readable."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("SHEPHERD_", "DJANGO_"))}
+    for name in ("DATABASE_URL", "REDIS_URL", "HOST"):
+        kept.pop(name, None)
+    return kept | {"SHEPHERD_DATA": str(data), "PORT": "0", "SPT_NOENV": "1", "PYTHONUNBUFFERED": "1"}
+
+
+def title_of(process: psutil.Process) -> str:
+    """Its command line; "?" when it is gone."""
+    try:
+        return " ".join(process.cmdline())
+    except psutil.Error:
+        return "?"
+
+
+def children_of(pid: int | None) -> list[int]:
+    """The children of a process, if there is one."""
+    try:
+        return [child.pid for child in psutil.Process(pid).children()] if pid else []
+    except psutil.NoSuchProcess:
+        return []
+
+
 def wait_for(condition: Any, seconds: float = 90, what: str = "") -> Any:
     """The first true value of `condition()`. Raises AssertionError when none comes in time."""
     deadline = time.monotonic() + seconds
@@ -210,30 +234,8 @@ def wait_for(condition: Any, seconds: float = 90, what: str = "") -> Any:
     return value
 
 
-def _environment(data: Path) -> dict[str, str]:
-    """This environment without settings of a developer's own server. SPT_NOENV keeps /proc/*/environ readable."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("SHEPHERD_", "DJANGO_"))}
-    for name in ("DATABASE_URL", "REDIS_URL", "HOST"):
-        kept.pop(name, None)
-    return kept | {"SHEPHERD_DATA": str(data), "PORT": "0", "SPT_NOENV": "1", "PYTHONUNBUFFERED": "1"}
-
-
 def _data_of(process: psutil.Process) -> str | None:
     try:
         return process.environ().get("SHEPHERD_DATA") if process.status() != psutil.STATUS_ZOMBIE else None
     except (psutil.Error, OSError):
         return None
-
-
-def _title(process: psutil.Process) -> str:
-    try:
-        return " ".join(process.cmdline())
-    except psutil.Error:
-        return "?"
-
-
-def _children(pid: int | None) -> list[int]:
-    try:
-        return [child.pid for child in psutil.Process(pid).children()] if pid else []
-    except psutil.NoSuchProcess:
-        return []

@@ -2,65 +2,32 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import psutil
 import pytest
 
 from envs_app.errors import NoCapacity
 from envs_app.transports.base import Transport
 from envs_app.transports.local.client import LocalTransport
 from envs_app.transports.local.places import Places
-from tests.servers import PROJECT, wait_for
-from tests.transports.contract import Agent, Engine, TransportContract
+from tests.servers import wait_for
+from tests.transports.agents import Agent
+from tests.transports.contract import TransportContract
+from tests.transports.engines import Engine, ProcessEngine
 
-START_SECONDS = 90.0
 
-
-class LocalEngine(Engine):
+class LocalEngine(ProcessEngine):
     """A parent process."""
 
-    def __init__(self, data: Path, **environment: Any) -> None:
-        self.data = data
-        kept = {name: value for name, value in os.environ.items() if not name.startswith("SHEPHERD_")}
-        self.environment = kept | {"SHEPHERD_DATA": str(data)} | {k: str(v) for k, v in environment.items()}
-        data.mkdir(parents=True, exist_ok=True)
-        self.start()
-
-    def start(self) -> None:
-        """Start it and wait until it answers."""
-        with (self.data / "parent.log").open("ab") as log:
-            command = [sys.executable, "-m", "envs_app.transports.local.parent"]
-            self.process = subprocess.Popen(command, cwd=PROJECT, env=self.environment, stderr=log)
-        wait_for(self._answers, START_SECONDS, "the parent")
+    module = ("envs_app.transports.local.parent",)
+    start_seconds, stop_seconds = 90.0, 30.0
 
     def connect(self) -> LocalTransport:
         return LocalTransport(Places(self.data))
 
-    def signal(self, uid: str, number: int) -> None:
-        [pid] = [status["pid"] for status in self.connect().status() if status["uid"] == uid]
-        os.kill(pid, number)
-
-    def restart(self, gently: bool) -> None:
-        self.stop(signal.SIGTERM if gently else signal.SIGKILL)
-        self.start()
-
-    def stop(self, number: int) -> None:
-        """End it; its executions end too."""
-        children = psutil.Process(self.process.pid).children()
-        self.process.send_signal(number)
-        self.process.wait(30)
-        assert not psutil.wait_procs(children, timeout=30)[1], "executions outlive their parent"
-
-    def _answers(self) -> bool:
-        assert self.process.poll() is None, (self.data / "parent.log").read_text()
+    def serves(self) -> bool:
         try:
             return self.connect().status() == []
         except ConnectionError:
@@ -72,7 +39,7 @@ def engine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Engine]:
     """One parent for all tests of the contract."""
     local = LocalEngine(tmp_path_factory.mktemp("local"))
     yield local
-    local.stop(signal.SIGTERM)
+    local.stop()
 
 
 class TestLocalTransport(TransportContract):
@@ -85,7 +52,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Engine]:
     limits = {"SHEPHERD_MAX_EXECUTIONS": 2, "SHEPHERD_IDLE_SECONDS": 3}
     local = LocalEngine(tmp_path_factory.mktemp("small"), **limits)
     yield local
-    local.stop(signal.SIGTERM)
+    local.stop()
 
 
 class TestLimits:

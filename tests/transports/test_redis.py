@@ -3,73 +3,40 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import psutil
 import pytest
 
 from envs_app.execution.saves import MODEL
-from envs_app.serving import bond
 from envs_app.transports.redis.client import RedisTransport
 from shepherd.celery import app
-from tests.servers import PROJECT, wait_for
 from tests.services import RedisServer, running
-from tests.transports.contract import Agent, Engine, TransportContract
+from tests.transports.agents import Agent
+from tests.transports.contract import TransportContract
+from tests.transports.engines import Engine, ProcessEngine
 
-START_SECONDS = 240.0
 SLOTS = 64  # more than the tests leave running
 
 
-class RedisEngine(Engine):
+class RedisEngine(ProcessEngine):
     """A worker, and the Redis server through which it is reached."""
 
-    def __init__(self, data: Path, redis: RedisServer, **environment: Any) -> None:
-        self.data, self.redis, self.saves = data, redis, data.with_name(f"{data.name}-saves")
-        kept = {name: value for name, value in os.environ.items() if not name.startswith("SHEPHERD_")}
-        own = {"SHEPHERD_DATA": str(data), "REDIS_URL": redis.url, "SHEPHERD_SLOTS": str(SLOTS)}
-        own |= {"SHEPHERD_SAVES": "tests.storages.Pathless"}
-        own |= {"SHEPHERD_SAVES_OPTIONS": json.dumps({"location": str(self.saves)})}
-        self.environment = kept | own | {name: str(value) for name, value in environment.items()}
-        data.mkdir(parents=True, exist_ok=True)
-        self.start()
+    module = ("celery", "-A", "shepherd", "worker", "-Q", "small,large")
+    module += ("--without-mingle", "--without-gossip", "--without-heartbeat")
+    start_seconds, stop_seconds = 240.0, 120.0
 
-    def start(self) -> None:
-        """Start it and wait until it has said that it lives, and executions are launched."""
-        with (self.data / "worker.log").open("ab") as log:
-            command = [sys.executable, "-I", "-S", bond.__file__, str(os.getpid())]
-            command += [sys.executable, "-m", "celery", "-A", "shepherd", "worker", "-Q", "small,large"]
-            command += ["--without-mingle", "--without-gossip", "--without-heartbeat"]
-            self.process = subprocess.Popen(
-                command, cwd=PROJECT, env=self.environment, stdout=log, stderr=log, process_group=0
-            )
-        wait_for(self._lives, START_SECONDS, "the worker")
+    def __init__(self, data: Path, redis: RedisServer) -> None:
+        self.redis, self.saves = redis, data.with_name(f"{data.name}-saves")
+        saves = {"SHEPHERD_SAVES": "tests.storages.Pathless"}
+        saves |= {"SHEPHERD_SAVES_OPTIONS": json.dumps({"location": str(self.saves)})}
+        super().__init__(data, REDIS_URL=redis.url, SHEPHERD_SLOTS=SLOTS, **saves)
 
     def connect(self) -> RedisTransport:
         return RedisTransport(self.redis.url)
 
-    def signal(self, uid: str, number: int) -> None:
-        [pid] = [status["pid"] for status in self.connect().status() if status["uid"] == uid]
-        os.kill(pid, number)
-
-    def restart(self, gently: bool) -> None:
-        self.stop(signal.SIGTERM if gently else signal.SIGKILL)
-        self.start()
-
-    def stop(self, number: int) -> None:
-        """End it; its executions end too."""
-        children = psutil.Process(self.process.pid).children()
-        self.process.send_signal(number)
-        self.process.wait(120)
-        assert not psutil.wait_procs(children, timeout=90)[1], "executions outlive their worker"
-
-    def _lives(self) -> bool:
-        assert self.process.poll() is None, (self.data / "worker.log").read_text()
+    def serves(self) -> bool:
+        """It has said that it lives, and executions are launched."""
         room = self.connect().room
         return self.process.pid in [machine["pid"] for machine in room.machines().values()] and room.settled()
 
@@ -81,7 +48,7 @@ def engine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Engine]:
         app.conf.broker_url = redis.url  # of this process, which launches executions as a web process does
         worker = RedisEngine(tmp_path_factory.mktemp("redis"), redis)
         yield worker
-        worker.stop(signal.SIGTERM)
+        worker.stop()
 
 
 @pytest.mark.service

@@ -9,9 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import psutil
-
-from tests.servers import Server
+from tests.servers import Server, children_of, title_of
 from tests.services import PostgresServer, RedisServer, running
 
 SLOTS = 24  # of each worker: one alone has room for the clients of a test
@@ -40,11 +38,11 @@ class Scaled(Server):
 
     def web_pids(self) -> list[int]:
         """The web processes that answer requests."""
-        return [child for pid in self.granian_pids() for child in _children(pid)]
+        return [child for pid in self.granian_pids() for child in children_of(pid)]
 
     def execution_pids(self) -> list[int]:
         """The children of the workers that are executions."""
-        return [process.pid for process in self.processes() if _title(process).startswith("shepherd: execution")]
+        return [process.pid for process in self.processes() if title_of(process).startswith("shepherd: execution")]
 
 
 @contextmanager
@@ -60,17 +58,3 @@ def running_scaled(*parts: str, **environment: Any) -> Iterator[Scaled]:
             left = server.end()
             shutil.rmtree(data, ignore_errors=True)
     assert not left, f"the set-up left processes behind: {left}"
-
-
-def _children(pid: int) -> list[int]:
-    try:
-        return [child.pid for child in psutil.Process(pid).children()]
-    except psutil.NoSuchProcess:
-        return []
-
-
-def _title(process: psutil.Process) -> str:
-    try:
-        return " ".join(process.cmdline())
-    except psutil.Error:
-        return ""
