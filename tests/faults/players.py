@@ -5,7 +5,9 @@ Rewards are multiples of a quarter, so that sums are exact, and a client's retur
 
 from __future__ import annotations
 
+import os
 import random
+import signal
 import sqlite3
 import threading
 import time
@@ -113,6 +115,10 @@ class Players(list[Player]):
                 raise AssertionError(f"a client failed: {player.error!r}") from player.error
         return all(len(player.episodes) >= goal for player, goal in zip(self, goals, strict=True))
 
+    def beyond(self, goals: list[int]) -> int:
+        """How many have ended more episodes than their goal."""
+        return sum(len(player.episodes) > goal for player, goal in zip(self, goals, strict=True))
+
     def refused(self, before: int = 0) -> list[TransientError]:
         """What the clients were refused, and hid; those of each client after so many."""
         return [refusal for player in self for refusal in player.refusals[before:]]
@@ -148,6 +154,19 @@ def playing(server: Server, key: str, clients: int = CLIENTS) -> Iterator[Player
     finally:
         for player in players:
             player.stopping.set()
+
+
+@contextmanager
+def one_hangs(server: Server, players: Players, episodes: int) -> Iterator[None]:
+    """One execution hangs, the clients of all others have ended more than `episodes` since, and it hangs during the block."""
+    hung = server.execution_pids()[0]
+    os.kill(hung, signal.SIGSTOP)
+    try:
+        goals = [len(player.episodes) + episodes for player in players]
+        wait_for(lambda: players.beyond(goals) >= CLIENTS - 1, 60, "the others")
+        yield
+    finally:
+        os.kill(hung, signal.SIGCONT)
 
 
 def query(server: Server, sql: str, *parameters: Any) -> list[tuple[Any, ...]]:

@@ -12,7 +12,7 @@ from shepherd_client import Client
 
 from tests.faults.conftest import INTERVAL, QUICK
 from tests.faults.inside import executions_of, play, policy_of, saves_of, transport, zombies
-from tests.faults.players import playing, query
+from tests.faults.players import one_hangs, playing, query
 from tests.servers import Server, wait_for
 
 Agent = Callable[[str], tuple[str, str]]
@@ -100,12 +100,6 @@ def rows_without_end(server: Server) -> set[str]:
 def test_a_hung_execution_holds_up_nobody_else(own: Server, agent: Agent) -> None:
     """The others advise it all the while, and the parent has news for it; it reads none, and nobody waits for that."""
     with playing(own, agent("killed")[1]) as players:
-        hung = own.execution_pids()[0]
-        os.kill(hung, signal.SIGSTOP)
-        before = [len(player.episodes) for player in players]
-        wait_for(
-            lambda: sum(len(p.episodes) > b + 20 for p, b in zip(players, before, strict=True)) >= 7, 60, "the others"
-        )
-        assert own.is_ready()
-        os.kill(hung, signal.SIGCONT)
+        with one_hangs(own, players, 20):
+            assert own.is_ready()
         players.play_on()

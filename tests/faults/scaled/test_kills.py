@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from tests.faults.inside import executions_of
-from tests.faults.players import errors_of, playing
+from tests.faults.players import errors_of, one_hangs, playing
 from tests.faults.scaled.setup import Scaled
 from tests.faults.test_killed_parts import (  # noqa: F401 - run here, too
     test_clients_survive_the_death_of_all_executions_at_once,
@@ -53,11 +53,6 @@ def test_clients_notice_nothing_of_the_death_of_beat(own: Scaled, agent: Agent) 
 
 def test_a_hung_execution_holds_up_nobody_else(own: Scaled, agent: Agent) -> None:
     with playing(own, agent("killed")[1]) as players:
-        hung = own.execution_pids()[0]
-        os.kill(hung, signal.SIGSTOP)
-        before = [len(player.episodes) for player in players]
-        wait_for(
-            lambda: sum(len(p.episodes) > b + 2 for p, b in zip(players, before, strict=True)) >= 7, 60, "the others"
-        )
-        os.kill(hung, signal.SIGCONT)
+        with one_hangs(own, players, 2):
+            assert own.is_ready()
         players.play_on(1)
