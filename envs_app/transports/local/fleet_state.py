@@ -28,6 +28,27 @@ class LocalExecution(Execution):
         """Its process."""
         return self.meter.pid
 
+    def heed(self, message: Message) -> None:
+        """Take over what the child tells of itself."""
+        match message["k"]:
+            case "ready":
+                self.state = "ready"
+            case "took":
+                self.active.add(message["session"])
+                self.reserved.pop(message["session"], None)
+                self.homes.add(message["session"])
+                self.used_at = time.monotonic()
+            case "released":
+                self.drop(message["session"])
+                self.used_at = time.monotonic()
+            case "status":
+                self.status = message["status"]
+                self.used_at = max(self.used_at, time.monotonic() - message["idle"])
+            case "save_answered":
+                self.saves_answered = message["ticket"]
+            case "published":
+                self.published += 1
+
     def tell(self, message: Message) -> None:
         """Send a control message, now or when the child reads again: one that hangs must not hold the parent up."""
         self.outbox += pack(message)
