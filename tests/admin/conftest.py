@@ -52,6 +52,12 @@ def agent(ann):
 
 
 @pytest.fixture
+def fresh(ann):
+    """An agent of Ann's that has not learned yet."""
+    return make_agent("puppy", ann)
+
+
+@pytest.fixture
 def foreign(db):
     """An agent of somebody else."""
     return with_a_past(make_agent("wolfhound", make_staff("bob")), 123.25)
