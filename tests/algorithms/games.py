@@ -11,12 +11,11 @@ from gymnasium import spaces
 from agents_app.algorithms.advice import advised_space, neutral_advice, with_advice
 
 
-class Identity(gym.Env[Any, Any]):
-    """Say what you see. Observations and actions: Discrete(n); 1 for the right action, else 0; episodes of 10 steps."""
+class SayWhatYouSee(gym.Env[Any, Any]):
+    """Something new to see at each step; episodes of 10 steps. A subclass has the spaces, draws and rewards."""
 
-    def __init__(self, n: int = 3) -> None:
-        self.observation_space = self.action_space = spaces.Discrete(n)
-        self.steps = 0
+    steps = 0
+    seen: Any
 
     def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
         """Anywhere."""
@@ -27,39 +26,43 @@ class Identity(gym.Env[Any, Any]):
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Something new to see."""
-        reward = float(action == self.seen)
+        reward = self._reward(action)
         self.steps += 1
         self.seen = self._draw()
         return self.seen, reward, False, self.steps >= 10, {}
+
+    def _draw(self) -> Any:
+        raise NotImplementedError
+
+    def _reward(self, action: Any) -> float:
+        raise NotImplementedError
+
+
+class Identity(SayWhatYouSee):
+    """Observations and actions: Discrete(n); 1 for the right action, else 0."""
+
+    def __init__(self, n: int = 3) -> None:
+        self.observation_space = self.action_space = spaces.Discrete(n)
 
     def _draw(self) -> Any:
         return self.np_random.integers(self.action_space.n)  # type: ignore[attr-defined]
 
+    def _reward(self, action: Any) -> float:
+        return float(action == self.seen)
 
-class Point(gym.Env[Any, Any]):
-    """Say what you see, in numbers. Box(-1, 1); the reward is minus the squared distance; episodes of 10 steps."""
+
+class Point(SayWhatYouSee):
+    """In numbers, Box(-1, 1); the reward is minus the squared distance."""
 
     def __init__(self) -> None:
         self.observation_space = spaces.Box(-1, 1, (1,), np.float32)
         self.action_space = spaces.Box(-1, 1, (1,), np.float32)
-        self.steps = 0
-
-    def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
-        """Anywhere."""
-        super().reset(seed=kwargs.get("seed"))
-        self.steps = 0
-        self.seen = self._draw()
-        return self.seen, {}
-
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Something new to see."""
-        reward = -float(((action - self.seen) ** 2).sum())
-        self.steps += 1
-        self.seen = self._draw()
-        return self.seen, reward, False, self.steps >= 10, {}
 
     def _draw(self) -> Any:
         return self.np_random.uniform(-1, 1, 1).astype(np.float32)
+
+    def _reward(self, action: Any) -> float:
+        return -float(((action - self.seen) ** 2).sum())
 
 
 class Grid(gym.Env[Any, Any]):
