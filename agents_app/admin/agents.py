@@ -16,7 +16,7 @@ from unfold.decorators import display
 from agents_app import services
 from agents_app.admin.agent_form import PREFIX, form_for
 from agents_app.admin.agent_pages import AgentPages
-from agents_app.admin.owned import DeletesQuietly, OwnedAdmin
+from agents_app.admin.owned import DeletesMuch
 from agents_app.algorithms.registry import BY_NAME
 from agents_app.models import Agent, Algorithm
 
@@ -75,7 +75,7 @@ def takes_features(agent: Agent) -> bool:
 
 
 @admin.register(Agent)
-class AgentAdmin(AgentPages, DeletesQuietly, OwnedAdmin):
+class AgentAdmin(AgentPages, DeletesMuch):
     """What an agent is and does."""
 
     owner_path = "owner"
@@ -181,16 +181,6 @@ class AgentAdmin(AgentPages, DeletesQuietly, OwnedAdmin):
     def delete_model(self, request: HttpRequest, obj: Agent) -> None:
         """With its executions and saves."""
         services.delete_agent(obj)
-
-    def delete_view(
-        self, request: HttpRequest, object_id: str, extra_context: dict[str, Any] | None = None
-    ) -> HttpResponse:
-        """Unless its executions cannot be ended."""
-        try:
-            return super().delete_view(request, object_id, extra_context)
-        except ConnectionError as error:
-            messages.error(request, f"Not deleted: its executions cannot be reached ({error}). Try again later.")
-            return HttpResponseRedirect(reverse("admin:agents_app_agent_change", args=[object_id]))
 
     @display(description="Learning", label={"learns": "success", "acts only": "warning"}, ordering="enable_learning")
     def learning(self, agent: Agent) -> str:

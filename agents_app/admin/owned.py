@@ -6,9 +6,11 @@ from collections.abc import Iterable
 from functools import reduce
 from typing import Any
 
+from django.contrib import messages
 from django.db.models import ForeignKey, Model, QuerySet
 from django.forms import ModelChoiceField
-from django.http import HttpRequest
+from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
+from django.urls import reverse
 from unfold.admin import ModelAdmin
 
 from agents_app.models import User
@@ -85,10 +87,21 @@ class ReadOnlyAdmin(OwnedAdmin):
         return False
 
 
-class DeletesQuietly:
-    """Mix in where a row has a million others below it: the question names what goes, and does not list it."""
+class DeletesMuch(OwnedAdmin):
+    """The admin of a model whose rows have a million others below them, and executions that may live."""
 
     def get_deleted_objects(self, objs: Iterable[Model], request: HttpRequest) -> tuple[Any, Any, Any, Any]:
-        """What Django's deletion page asks for: names, counts, missing permissions, protected rows."""
+        """The question names what goes, and does not list it: names, counts, missing permissions, protected rows."""
         names = [f"{obj._meta.verbose_name}: {obj}, with everything that belongs to it" for obj in objs]
         return names, {type(obj)._meta.verbose_name_plural: len(names) for obj in objs}, set(), []
+
+    def delete_view(
+        self, request: HttpRequest, object_id: str, extra_context: dict[str, Any] | None = None
+    ) -> HttpResponse:
+        """Unless the executions cannot be ended."""
+        try:
+            return super().delete_view(request, object_id, extra_context)
+        except ConnectionError as error:
+            messages.error(request, f"Not deleted: the executions cannot be reached ({error}). Try again later.")
+            page = f"admin:{self.opts.app_label}_{self.opts.model_name}_change"
+            return HttpResponseRedirect(reverse(page, args=[object_id]))

@@ -5,17 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 from django import forms
-from django.contrib import admin, messages
+from django.contrib import admin
 from django.contrib.auth import update_session_auth_hash
 from django.contrib.auth.password_validation import validate_password
 from django.db.models import Count, Model, QuerySet
-from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
-from django.urls import reverse
+from django.http import HttpRequest
 from unfold.decorators import display
 from unfold.widgets import UnfoldAdminPasswordWidget
 
 from agents_app import services
-from agents_app.admin.owned import DeletesQuietly, OwnedAdmin
+from agents_app.admin.owned import DeletesMuch
 from agents_app.models import User
 
 
@@ -63,7 +62,7 @@ class UserForm(forms.ModelForm):
 
 
 @admin.register(User)
-class UserAdmin(DeletesQuietly, OwnedAdmin):
+class UserAdmin(DeletesMuch):
     """Superusers manage users; other staff see themselves."""
 
     form = UserForm
@@ -113,16 +112,6 @@ class UserAdmin(DeletesQuietly, OwnedAdmin):
         for agent in obj.agents.all():
             services.delete_agent(agent)
         super().delete_model(request, obj)
-
-    def delete_view(
-        self, request: HttpRequest, object_id: str, extra_context: dict[str, Any] | None = None
-    ) -> HttpResponse:
-        """Unless their executions cannot be ended."""
-        try:
-            return super().delete_view(request, object_id, extra_context)
-        except ConnectionError as error:
-            messages.error(request, f"Not deleted: the executions cannot be reached ({error}). Try again later.")
-            return HttpResponseRedirect(reverse("admin:agents_app_user_change", args=[object_id]))
 
     @display(description="Role", label={"superuser": "danger", "staff": "info", "user": "success"})
     def role(self, user: User) -> str:
