@@ -118,7 +118,7 @@ class RedisServer(PrivateServer):
     def command_line(self) -> list[str]:
         """Without snapshots on the disk, unless the options say so."""
         address = ["--bind", "127.0.0.1", "--port", str(self.port), "--dir", str(self.folder)]
-        return [_program("redis-server"), *address, "--save", "", *self.options]
+        return [program("redis-server"), *address, "--save", "", *self.options]
 
     def answers(self) -> bool:
         """Whether it does; it says LOADING while it reads its file, and refuses before."""
@@ -135,7 +135,7 @@ class RedisServer(PrivateServer):
         return done.stdout.strip()
 
     def _cli(self, *words: str, seconds: float = 60) -> subprocess.CompletedProcess[str]:
-        command = [_program("redis-cli"), "-e", "-h", "127.0.0.1", "-p", str(self.port), *words]
+        command = [program("redis-cli"), "-e", "-h", "127.0.0.1", "-p", str(self.port), *words]
         return subprocess.run(command, capture_output=True, text=True, timeout=seconds)
 
 
@@ -151,7 +151,7 @@ class PostgresServer(PrivateServer):
         if self.owner:
             shutil.chown(self.folder, self.owner)
         initdb = [
-            _program("initdb"),
+            program("initdb"),
             "--no-sync",
             "--auth",
             "trust",
@@ -170,7 +170,7 @@ class PostgresServer(PrivateServer):
     def command_line(self) -> list[str]:
         """With its settings on the command line."""
         settings = [f"--{name}={value}" for name, value in self.settings.items()]
-        return [_program("postgres"), "-D", str(self.data), "-p", str(self.port), *settings]
+        return [program("postgres"), "-D", str(self.data), "-p", str(self.port), *settings]
 
     def answers(self) -> bool:
         """Whether it takes a connection."""
@@ -223,16 +223,16 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
+def program(name: str) -> str:
+    """Where a program is; Debian keeps those of PostgreSQL off the path. Skips the test if it is not installed."""
+    debian = sorted(map(str, Path("/usr/lib/postgresql").glob("*/bin")), reverse=True)
+    found = shutil.which(name, path=os.pathsep.join([*debian, os.environ.get("PATH", os.defpath), "/usr/sbin"]))
+    return found or pytest.skip(f"needs {name} (Debian: apt install redis-server postgresql nginx-light)")
+
+
 def _execute(server: str, statement: str) -> None:
     with psycopg.connect(f"{server}/postgres", autocommit=True, connect_timeout=10) as connection:
         connection.execute(statement)
-
-
-def _program(name: str) -> str:
-    """Where a program is; Debian keeps those of PostgreSQL off the path."""
-    debian = sorted(map(str, Path("/usr/lib/postgresql").glob("*/bin")), reverse=True)
-    found = shutil.which(name, path=os.pathsep.join([*debian, os.environ.get("PATH", os.defpath)]))
-    return found or pytest.skip(f"needs {name} (Debian: apt install redis-server postgresql)")
 
 
 def _identity(user: str | None) -> list[str]:

@@ -29,14 +29,14 @@ def browser(tmp_path: Path) -> Iterator[webdriver.Chrome]:
 
 
 @contextmanager
-def running_browser(profile: Path) -> Iterator[webdriver.Chrome]:
+def running_browser(profile: Path, *flags: str) -> Iterator[webdriver.Chrome]:
     """Chromium, which keeps what it remembers in `profile`, and a log of its console and of all requests."""
     chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
     if not chromium or not driver:
         pytest.skip("needs chromium and chromedriver")
     options = Options()
     options.binary_location = chromium
-    for flag in [*FLAGS.split(), f"--user-data-dir={profile}"]:
+    for flag in [*FLAGS.split(), *flags, f"--user-data-dir={profile}"]:
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     chrome = webdriver.Chrome(options, Service(driver))
