@@ -57,6 +57,14 @@ def test_a_deleted_user_takes_their_agents_along(boss, agent, ann, fleet):
     assert ("restart", str(agent.pk)) in fleet.calls
 
 
+def test_a_user_whose_executions_cannot_be_ended_stays(boss, agent, ann, fleet):
+    fleet.unreachable = True
+    page = boss.post(reverse("admin:agents_app_user_delete", args=[ann.pk]), {"post": "yes"}, follow=True)
+    assert b"Not deleted" in page.content
+    assert page.redirect_chain[-1][0] == page_of(ann)
+    assert User.objects.filter(name="ann").exists()
+
+
 def test_nobody_deletes_themselves(boss):
     me = User.objects.get(name="boss")
     assert boss.post(reverse("admin:agents_app_user_delete", args=[me.pk]), {"post": "yes"}).status_code == 403
