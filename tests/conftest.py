@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -34,6 +35,13 @@ def make_server() -> Iterator[Callable[..., Server]]:
     """Starts servers for one test: `make_server(SHEPHERD_WEB_WORKERS=2)`."""
     with ExitStack() as stack:
         yield lambda **environment: stack.enter_context(running_server(**environment))
+
+
+@pytest.fixture
+def data() -> Iterator[Path]:
+    """A data folder that outlives its servers: `running_server(data)`."""
+    with TemporaryDirectory(prefix="shepherd-", ignore_cleanup_errors=True) as folder:
+        yield Path(folder)
 
 
 @pytest.fixture

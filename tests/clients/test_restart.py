@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -25,14 +23,6 @@ def drivers() -> Iterator[list[Driver]]:
     """A program for each client."""
     with ExitStack() as stack:
         yield [stack.enter_context(Driver(command)) for command in COMMANDS]
-
-
-@pytest.fixture
-def data() -> Iterator[Path]:
-    """A data folder that outlives its server."""
-    folder = Path(tempfile.mkdtemp(prefix="shepherd-"))
-    yield folder
-    shutil.rmtree(folder, ignore_errors=True)
 
 
 @NEEDS_NODE

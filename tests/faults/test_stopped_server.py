@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 import signal
-import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -20,14 +17,6 @@ from tests.servers import Server, processes_of, running_server
 ORDERLY_SECONDS = 25
 ABRUPT_SECONDS = 45
 KEPT = {"serve.lock", "counters"}  # in run/; the counts of the throttles outlive a restart
-
-
-@pytest.fixture
-def data() -> Iterator[Path]:
-    """A data folder that outlives its servers."""
-    folder = Path(tempfile.mkdtemp(prefix="shepherd-"))
-    yield folder
-    shutil.rmtree(folder, ignore_errors=True)
 
 
 def left_in_run(data: Path) -> set[str]:
