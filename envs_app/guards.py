@@ -20,13 +20,18 @@ class Guard:
     origins: frozenset[str] | None  # of a publishable key
     steps_per_minute: int | None  # the key's budget
 
-    def admit(self, caller: Caller) -> None:
-        """Let the caller step. Raises Forbidden or Throttled."""
+    def admit(self, caller: Caller, session: int) -> None:
+        """Let the caller step in a session. Raises Forbidden or Throttled.
+
+        The visitors of a café have one address, and one session each: whoever steps too often is refused first, and the steps
+        that are refused are not counted as the others'.
+        """
         if self.origins is not None:
             _check_origin(self.origins, caller)
-            count_step(self.key, settings.PUBLISHABLE_STEPS, caller.network)
+            count_step(f"session:{session}", settings.PUBLISHABLE_SESSION_STEPS, "in this session")
+            count_step(f"{self.key}:{caller.network}", settings.PUBLISHABLE_STEPS, "from this address")
         if self.steps_per_minute is not None:
-            count_step(self.key, self.steps_per_minute)
+            count_step(f"{self.key}:", self.steps_per_minute, "of all its clients together")
 
 
 def guard_of(key: APIKey) -> Guard | None:

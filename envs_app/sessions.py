@@ -74,7 +74,7 @@ def step(session_key: str, step: Step, caller: Caller) -> Reply:
     """Give the agent an observation and get its action. Raises ShepherdError; the same step may then be repeated."""
     handle = handles.get(session_key)
     if handle.guard is not None:
-        handle.guard.admit(caller)
+        handle.guard.admit(caller, handle.session)
     answer = _send(handle, _message(handle, step))
     if answer["k"] == "error":
         raise from_code(answer["code"], answer["detail"], answer["retry_after"])

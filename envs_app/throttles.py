@@ -29,12 +29,11 @@ def count_login(key: APIKey, address: str) -> None:
     _count(f"login:{key.pk}:{address}", limit, MINUTE, sentence)
 
 
-def count_step(key: int, per_minute: int, address: str = "") -> None:
-    """Count a step with a key, from an address if there is one. Raises Throttled past so many steps a minute."""
-    whose = "from this address" if address else "of all its clients together"
+def count_step(of: str, per_minute: int, whose: str) -> None:
+    """Count a step of a session, an address or a key; `whose` says it in words. Raises Throttled past so many a minute."""
     sentence = f"The API key takes at most {per_minute} steps a minute {whose}; repeat the step later."
     span = PACE if per_minute >= MINUTE else MINUTE  # of fewer steps, ten seconds have less than ten
-    _count(f"step:{key}:{address}", int(per_minute * span / MINUTE), span, sentence)
+    _count(f"step:{of}", int(per_minute * span / MINUTE), span, sentence)
 
 
 def _count(name: str, limit: int, seconds: float, sentence: str) -> None:

@@ -68,34 +68,54 @@ def test_no_limit_is_no_limit(api, opened, step_key, settings):
 
 def test_a_budget_is_of_all_clients_together(agent, rf):
     guard = guard_of(APIKey.issue(agent, steps_per_minute=2)[0])
-    guard.admit(At(rf, "10.0.0.1"))
-    guard.admit(At(rf, "10.0.0.2", origin=""))
+    guard.admit(At(rf, "10.0.0.1"), 1)
+    guard.admit(At(rf, "10.0.0.2", origin=""), 2)
     with pytest.raises(Throttled, match="2 steps a minute of all its clients") as refusal:
-        guard.admit(At(rf, "10.0.0.3"))
+        guard.admit(At(rf, "10.0.0.3"), 3)
     assert 0 < refusal.value.retry_after <= 60
 
 
 def test_a_large_budget_is_spread_over_the_minute(agent, rf):
     guard = guard_of(APIKey.issue(agent, steps_per_minute=65)[0])
     for _ in range(10):  # in ten seconds, a sixth of it
-        guard.admit(At(rf))
+        guard.admit(At(rf), 1)
     with pytest.raises(Throttled) as refusal:
-        guard.admit(At(rf))
+        guard.admit(At(rf), 1)
     assert 0 < refusal.value.retry_after <= throttles.PACE
 
 
 def test_steps_with_a_publishable_key_are_counted_by_address(agent, rf, settings):
     settings.PUBLISHABLE_STEPS = 1
     guard = guard_of(APIKey.issue(agent, publishable=True, origins=["https://a.example"])[0])
-    guard.admit(At(rf, HOUSE))
+    guard.admit(At(rf, HOUSE), 1)
     with pytest.raises(Throttled, match="1 steps a minute from this address"):
-        guard.admit(At(rf, HOUSE.replace("::5", "::6")))  # a household has a whole /64 of addresses
-    guard.admit(At(rf, NEIGHBOURS))
-    guard.admit(At(rf, "::ffff:10.0.0.1"))
+        guard.admit(At(rf, HOUSE.replace("::5", "::6")), 2)  # a household has a whole /64 of addresses
+    guard.admit(At(rf, NEIGHBOURS), 3)
+    guard.admit(At(rf, "::ffff:10.0.0.1"), 4)
     with pytest.raises(Throttled):
-        guard.admit(At(rf, "10.0.0.1"))
+        guard.admit(At(rf, "10.0.0.1"), 5)
     with pytest.raises(Forbidden):
-        guard.admit(At(rf, origin="https://b.example"))
+        guard.admit(At(rf, origin="https://b.example"), 6)
+
+
+def test_who_steps_too_often_in_a_cafe_is_refused_and_the_other_visitors_go_on(agent, rf, settings):
+    settings.PUBLISHABLE_SESSION_STEPS, settings.PUBLISHABLE_STEPS = 3, 10
+    guard = guard_of(APIKey.issue(agent, publishable=True, origins=["https://a.example"])[0])
+    for _ in range(3):
+        guard.admit(At(rf), 1)
+    for _ in range(20):  # and what is refused is nobody else's
+        with pytest.raises(Throttled, match="3 steps a minute in this session"):
+            guard.admit(At(rf), 1)
+    for visitor in range(2, 9):
+        guard.admit(At(rf), visitor)
+    with pytest.raises(Throttled, match="10 steps a minute from this address"):
+        guard.admit(At(rf), 9)
+
+
+def test_three_hundred_quick_steps_of_a_page_are_taken(agent, rf):
+    guard = guard_of(APIKey.issue(agent, publishable=True, origins=["https://a.example"])[0])
+    for _ in range(300):
+        guard.admit(At(rf), 1)
 
 
 def test_nothing_stands_before_a_secret_key_without_a_budget(agent):
