@@ -30,6 +30,7 @@ from frontend.sharing import Recent
 FOLDER = Path(__file__).resolve().parent / "agents"
 PUBLIC = {"css", "js"}
 TOLD = ("number", "state", "sessions", "episodes", "steps", "steps_per_second", "updates", "mean_return", "advises")
+ASKED = ("run", "by", "version")
 SOMEBODY = "another agent"  # what a frozen advisor is called before those who may not know its name
 OBSERVATION_OF_BORED = [[29], -1, 1]  # docs/bored.md
 
@@ -79,7 +80,10 @@ def shared(tell: Callable[[HttpRequest, Agent], dict[str, Any]]) -> View:
     def view(request: HttpRequest, agent: Agent) -> HttpResponse:
         if owns(request, agent):
             return JsonResponse(tell(request, agent))
-        return JsonResponse(recent.get((agent.pk, request.META["QUERY_STRING"]), lambda: tell(request, agent)))
+        asked = tuple(
+            request.GET.get(name, "") for name in ASKED
+        )  # whatever else an address says, the answer is the same
+        return JsonResponse(recent.get((agent.pk, asked), lambda: tell(request, agent)))
 
     return view
 

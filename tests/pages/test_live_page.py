@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import re
 import uuid
+from concurrent.futures import ThreadPoolExecutor
 from itertools import count
+from threading import Event
+from time import sleep
 
 import pytest
 from django.test import Client
@@ -149,6 +152,39 @@ def test_strangers_who_ask_at_once_cost_one_question(stranger, client, agent, fl
     clock[0] += 1.0
     stranger.get(address)
     assert len(fleet.calls) == 3
+
+
+def test_strangers_who_ask_while_an_answer_is_made_wait_for_it(clock):
+    recent, made, begun, goes_on = Recent(), [], Event(), Event()
+
+    def make():
+        made.append("once")
+        begun.set()
+        goes_on.wait(10)
+        return "told"
+
+    with ThreadPoolExecutor(8) as pool:
+        first = pool.submit(recent.get, "curve", make)
+        begun.wait(10)
+        others = [pool.submit(recent.get, "curve", make) for _ in range(7)]
+        sleep(0.1)
+        goes_on.set()
+        assert {each.result() for each in [first, *others]} == {"told"}
+    assert made == ["once"]
+
+
+def test_an_answer_that_failed_is_not_kept(clock):
+    recent = Recent()
+    with pytest.raises(ZeroDivisionError):
+        recent.get("curve", lambda: 1 // 0)
+    assert recent.get("curve", lambda: "told") == "told"
+
+
+def test_what_an_address_says_beside_the_question_makes_no_new_answer(stranger, agent, fleet, clock):
+    address = reverse("agent-executions", args=[publish(agent).pk])
+    for number in range(3):
+        stranger.get(address, {"nonsense": number})
+    assert len(fleet.calls) == 1
 
 
 def test_what_strangers_share_is_of_one_agent_and_one_question(stranger, agent, foreign, clock):
