@@ -75,15 +75,16 @@ def step(session_key: str, step: Step, caller: Caller) -> Reply:
     handle = handles.get(session_key)
     if handle.guard is not None:
         handle.guard.admit(caller, handle.session)
-    answer = _send(handle, _message(handle, step))
-    if answer["k"] == "error":
-        raise from_code(answer["code"], answer["detail"], answer["retry_after"])
-    episode = answer["episode"]
-    if episode is not None:
-        try:
+    message = _message(handle, step)
+    try:
+        answer = _send(handle, message)
+        if answer["k"] == "error":
+            raise from_code(answer["code"], answer["detail"], answer["retry_after"])
+        episode = answer["episode"]
+        if episode is not None:
             record_return(handle, episode)
-        except (IntegrityError, Execution.DoesNotExist):
-            raise UnknownSession("The agent or its run was deleted; log in again.") from None
+    except (IntegrityError, Agent.DoesNotExist, Execution.DoesNotExist):
+        raise UnknownSession("The agent or its run was deleted; log in again.") from None
     ended = answer["ended"]
     return Reply(answer["action"], answer["seq"], (episode["return"] if episode else 0.0) if ended else None)
 
