@@ -11,7 +11,7 @@ from agents_app.fleet import ExecutionStatus
 from agents_app.models import Agent, Run, Save
 from envs_app.execution.saves import SaveMeta
 from envs_app.handles import handles
-from envs_app.saves import saves_of
+from envs_app.saves import clear_saves, prefix_of, saves_of
 from envs_app.transports.choice import get_transport
 
 SAVE_SECONDS = 3.0  # how long a download waits for a save that is newer
@@ -60,12 +60,9 @@ class TransportFleet:
 
     def delete_saves(self, run: Run) -> int:
         """Delete all saves of a run, and their rows."""
-        with saves_of(run) as store:
-            names = store.names()
-            for name in names:
-                store.delete(name)
+        deleted = clear_saves(prefix_of(run))
         Save.objects.filter(run=run).delete()
-        return len(names)
+        return deleted
 
     def _is_saving(self, run: Run) -> bool:
         """Whether a live execution of the run has not yet saved what it learned until it was asked."""

@@ -6,17 +6,20 @@ Called every second by the supervisor of `manage.py serve`; everything here may 
 from __future__ import annotations
 
 import threading
+import time
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import structlog
 from django.conf import settings
 from django.db import transaction
+from django.db.models import Q
 from django.utils import timezone
 
 from agents_app import audit, curves
-from agents_app.models import Execution, ExecutionError, Run, Save, Session
+from agents_app.models import Agent, Execution, ExecutionError, Run, Save, Session
 from envs_app.fleet import TransportFleet
+from envs_app.saves import clear_saves
 from envs_app.transports.choice import get_transport
 
 log = structlog.get_logger("shepherd.housekeeping")
@@ -24,7 +27,7 @@ log = structlog.get_logger("shepherd.housekeeping")
 GRACE = timedelta(seconds=15)  # a row is written before its execution is there
 ERRORS_KEPT = 50  # of a run
 ACTIVITY_EVERY = timedelta(minutes=1)
-SLOW_EVERY = timedelta(minutes=1)
+SLOW_SECONDS = 60.0
 FORGET_AGAIN = timedelta(minutes=10)  # so long after its end, a session is forgotten again and again
 
 
@@ -33,7 +36,7 @@ class Keeper:
 
     def __init__(self) -> None:
         self.read = 0
-        self.slow_at = datetime.min.replace(tzinfo=UTC)
+        self.slow_at = -SLOW_SECONDS  # of the monotonic clock: the other one may be set back
         self.lock = threading.Lock()
 
     def run_once(self) -> None:
@@ -45,9 +48,10 @@ class Keeper:
             while events := transport.events(self.read):
                 self._write(events)
             note_lost(live)
-            if timezone.now() - self.slow_at > SLOW_EVERY:
-                self.slow_at = timezone.now()
+            if time.monotonic() - self.slow_at > SLOW_SECONDS:
+                self.slow_at = time.monotonic()
                 note_activity(live)
+                stop_deleted(live)
                 close_old_sessions()
                 forget_closed_sessions()
                 curves.catch_up()
@@ -59,6 +63,7 @@ class Keeper:
                 write_event(event)
         for run in Run.objects.filter(pk__in={event["run"] for event in events if event["k"] == "saved"}):
             sync_saves(run)
+        clear_saves_of_deleted({(event["agent"], event["run"]) for event in events if event["k"] in ("saved", "ended")})
         self.read = events[-1]["id"]
 
 
@@ -94,10 +99,30 @@ def sync_saves(run: Run) -> None:
             Save.objects.create(run=run, name=name, execution_uid=save["execution"], **fields)
 
 
+def clear_saves_of_deleted(runs: set[tuple[str, int]]) -> None:
+    """Executions save as they end, and so after their agent and its saves were deleted. Agents and runs, by their keys."""
+    known = set(Run.objects.filter(pk__in={run for _, run in runs}).values_list("pk", flat=True))
+    for agent, run in runs:
+        if run not in known:
+            try:
+                clear_saves(f"{agent}/{run}")
+            except ConnectionError as error:
+                log.warning("saves of a deleted agent are left", agent=agent, run=run, error=str(error))
+
+
+def stop_deleted(live: list[dict[str, Any]]) -> None:
+    """End executions whose agent is gone: a step may have started one while it was being deleted."""
+    agents = {execution["agent"] for execution in live}
+    known = {str(pk) for pk in Agent.objects.filter(pk__in=agents).values_list("pk", flat=True)}
+    for agent in agents - known:
+        get_transport().stop(agent, "deleted")
+
+
 def note_lost(live: list[dict[str, Any]]) -> None:
-    """Executions that the parent no longer knows ended with it."""
-    uids = [execution["uid"] for execution in live]
-    lost = Execution.objects.filter(ended_at=None, started_at__lt=timezone.now() - GRACE).exclude(uid__in=uids)
+    """Executions that the parent no longer knows ended with it; also one of the future, for then the clock was set back."""
+    uids, now = [execution["uid"] for execution in live], timezone.now()
+    known_for_long = Q(started_at__lt=now - GRACE) | Q(started_at__gt=now + GRACE)
+    lost = Execution.objects.filter(known_for_long, ended_at=None).exclude(uid__in=uids)
     runs = list(Run.objects.filter(executions__in=lost).distinct())
     if lost.update(ended_at=timezone.now(), end_reason="lost"):
         log.warning("executions were lost")
