@@ -23,6 +23,7 @@ from agents_app.models import Algorithm, Parameter, ParameterType
 # Parameters of simple types that are the server's business, not the owner's. optimize_memory_usage is refused by SB3
 # itself beside its default handling of truncated episodes.
 LEFT_OUT = {"tensorboard_log", "verbose", "stats_window_size", "_init_setup_model", "optimize_memory_usage"}
+NORMALISING = {"PPO", "A2C", "TRPO", "PolicyGradient", "MaskablePPO"}  # observations, by default: docs/adr/0013
 TYPES = {
     str: ParameterType.STR,
     float: ParameterType.FLOAT,
@@ -71,7 +72,8 @@ def entries_of(row: Row) -> Iterator[Entry]:
             yield _entry(name, kind, parameter.default, plain.get(name) or docs.get(name, ""), replays)
     yield _net_arch(row)
     if row.normalises:
-        yield _entry("normalize_observations", ParameterType.BOOL, False, texts.NORMALIZE_OBSERVATIONS)
+        by_default = row.name in NORMALISING
+        yield _entry("normalize_observations", ParameterType.BOOL, by_default, texts.NORMALIZE_OBSERVATIONS)
     if "action_noise" in signature:
         default = "normal 0.1" if row.name in ("TD3", "DDPG") else ""  # these two explore in no other way
         yield _entry("action_noise", ParameterType.STR, default, texts.ACTION_NOISE)

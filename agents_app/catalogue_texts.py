@@ -28,8 +28,8 @@ NET_ARCH_OR_NONE = (
     f"{NET_ARCH} 0: none, so that actions are scored by sums of what is observed; learned from the fewest steps."
 )
 NORMALIZE_OBSERVATIONS = (
-    "Bring each number of an observation to mean 0 and deviation 1, as learned on the way. Turn it on when your numbers are "
-    "large, or far from zero; images and whole numbers are left alone."
+    "Bring each number of an observation to mean 0 and deviation 1, as learned on the way. Needed when your numbers are "
+    "large, or far from zero; images and whole numbers are left alone. What has been learned depends on it."
 )
 ACTION_NOISE = (
     "Noise added to the actions to explore: 'normal 0.1' (independent at each step) or 'ou 0.1' (drifting), with the "

@@ -11,6 +11,7 @@ from shepherd_client import Client, Session
 from shepherd_client.spaces import spaces_of
 from shepherd_client.training import play
 
+from agents_app.algorithms.registry import get_row
 from benchmarks.histories import Case, Log, Recorder
 from tests.servers import Server, running_server
 
@@ -27,13 +28,14 @@ def learn(case: Case, seed: int, clients: int) -> list[list[float]]:
 
 
 def make_agent(server: Server, environment: str, algorithm: str, parameters: dict[str, Any], **options: Any) -> str:
-    """The API key of a new agent for an environment, without a CPU quota."""
+    """The API key of a new agent for an environment, without a CPU quota. As SB3 itself: observations are as they are."""
+    plain = {"normalize_observations": False} if get_row(algorithm).normalises else {}
     spaces = spaces_of(gym.make(environment))
     return server.create_agent(
         algorithm=algorithm,
         action_space=spaces.action_space,
         observation_space=spaces.observation_space,
-        parameters=parameters,
+        parameters=plain | parameters,
         max_percent_cpu=100_000,
         **options,
     )[1]

@@ -1,0 +1,57 @@
+"""Observations are normalised by default where ADR 0013 says so, and for no agent that was made before."""
+
+from importlib import import_module
+from types import SimpleNamespace
+
+import pytest
+from django.apps import apps
+from django.db import connection
+
+from agents_app import services
+from agents_app.algorithms.registry import ROWS
+from agents_app.catalogue import NORMALISING
+from agents_app.models import Parameter, ParameterValue
+from tests.agents.makers import make_agent
+
+pytestmark = pytest.mark.django_db
+NAME = "normalize_observations"
+migration = import_module("agents_app.migrations.0010_observations_as_before")
+
+
+def migrate() -> None:
+    migration.keep_off(apps, SimpleNamespace(connection=connection))  # it needs no more of a schema editor
+
+
+def test_only_algorithms_that_can_normalise_do_so_by_default() -> None:
+    assert {row.name for row in ROWS if row.normalises} >= NORMALISING
+    defaults = dict(Parameter.objects.filter(name=NAME).values_list("algorithm__name", "default"))
+    assert {name for name, default in defaults.items() if default} == NORMALISING
+    assert set(migration.NOW_ON) == NORMALISING
+
+
+def test_a_new_agent_normalises_unless_its_owner_says_no() -> None:
+    assert make_agent("new").parameters()[NAME] is True
+    assert make_agent("no", parameters={NAME: False}).parameters()[NAME] is False
+    assert make_agent("off the policy", algorithm="DQN").parameters()[NAME] is False
+
+
+def test_an_agent_made_before_goes_on_as_it_was() -> None:
+    old, chosen, other = (
+        make_agent("old"),
+        make_agent("chosen", parameters={NAME: True}),
+        make_agent("q", algorithm="DQN"),
+    )
+    migrate()
+    assert old.own_parameters() == {NAME: False}
+    assert chosen.own_parameters() == {NAME: True}
+    assert other.own_parameters() == {}
+    ParameterValue.objects.get(agent=old).full_clean()
+    migrate()  # again changes nothing
+    assert ParameterValue.objects.filter(agent=old).count() == 1
+
+
+def test_an_agent_made_before_can_take_the_new_default_once_it_is_reset() -> None:
+    old = make_agent("old")
+    migrate()
+    services.set_parameters(old, {NAME: None})
+    assert old.parameters()[NAME] is True
