@@ -48,6 +48,7 @@ class Keeper:
             while events := transport.events(self.read):
                 self._write(events)
             note_lost(live)
+            note_found(live)
             if time.monotonic() - self.slow_at > SLOW_SECONDS:
                 self.slow_at = time.monotonic()
                 note_activity(live)
@@ -128,6 +129,13 @@ def note_lost(live: list[dict[str, Any]]) -> None:
         log.warning("executions were lost")
         for run in runs:  # what they saved last, nobody reported
             sync_saves(run)
+
+
+def note_found(live: list[dict[str, Any]]) -> None:
+    """Executions that were taken for lost, and speak again, did not end: their machine was cut off for a while."""
+    found = Execution.objects.filter(end_reason="lost", uid__in=[execution["uid"] for execution in live])
+    if live and found.exists():
+        log.warning("executions were found again", executions=found.update(ended_at=None, end_reason=""))
 
 
 def note_activity(live: list[dict[str, Any]]) -> None:

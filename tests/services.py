@@ -35,15 +35,17 @@ START_SECONDS, STOP_SECONDS = 60, 30
 
 
 class PrivateServer:
-    """A server on a free port of 127.0.0.1 with a folder of its own, which one test may kill, pause and start again.
+    """A server on a free port of 127.0.0.1, or of another address of this machine, with a folder of its own, which one test
+    may kill, pause and start again.
 
     It ends when the process of the tests does, however that one ends.
     """
 
     owner: str | None = None  # the system user that runs it
 
-    def __init__(self) -> None:
-        self.port = free_port()
+    def __init__(self, address: str = "127.0.0.1") -> None:
+        self.address = address
+        self.port = free_port(address)
         self.folder = Path(tempfile.mkdtemp(prefix="shepherd-service-"))
         self.output = self.folder / "output.txt"
         self.process: subprocess.Popen[bytes] | None = None
@@ -106,18 +108,18 @@ class PrivateServer:
 class RedisServer(PrivateServer):
     """A redis-server that forgets all when it ends. `options` go to it, e.g. `"--appendonly", "yes", "--maxmemory", "2mb"`."""
 
-    def __init__(self, *options: str) -> None:
-        super().__init__()
+    def __init__(self, *options: str, address: str = "127.0.0.1") -> None:
+        super().__init__(address)
         self.options = options
 
     @property
     def url(self) -> str:
         """The value of REDIS_URL."""
-        return f"redis://127.0.0.1:{self.port}/0"
+        return f"redis://{self.address}:{self.port}/0"
 
     def command_line(self) -> list[str]:
         """Without snapshots on the disk, unless the options say so."""
-        address = ["--bind", "127.0.0.1", "--port", str(self.port), "--dir", str(self.folder)]
+        address = ["--bind", self.address, "--port", str(self.port), "--dir", str(self.folder)]
         return [program("redis-server"), *address, "--save", "", *self.options]
 
     def answers(self) -> bool:
@@ -135,19 +137,19 @@ class RedisServer(PrivateServer):
         return done.stdout.strip()
 
     def _cli(self, *words: str, seconds: float = 60) -> subprocess.CompletedProcess[str]:
-        command = [program("redis-cli"), "-e", "-h", "127.0.0.1", "-p", str(self.port), *words]
+        command = [program("redis-cli"), "-e", "-h", self.address, "-p", str(self.port), *words]
         return subprocess.run(command, capture_output=True, text=True, timeout=seconds)
 
 
 class PostgresServer(PrivateServer):
-    """A PostgreSQL with one empty database. `settings` are its own, e.g. `max_connections=10`."""
+    """A PostgreSQL with one empty database. `settings` are its own, e.g. `max_connections=10`; of `network` it trusts all."""
 
     owner = "postgres" if os.geteuid() == 0 else None  # it refuses to be run by root
 
-    def __init__(self, **settings: str | int) -> None:
-        super().__init__()
+    def __init__(self, address: str = "127.0.0.1", network: str = "", **settings: str | int) -> None:
+        super().__init__(address)
         self.data = self.folder / "data"
-        self.settings = {"listen_addresses": "127.0.0.1", "unix_socket_directories": "", "fsync": "off"} | settings
+        self.settings = {"listen_addresses": address, "unix_socket_directories": "", "fsync": "off"} | settings
         if self.owner:
             shutil.chown(self.folder, self.owner)
         initdb = [
@@ -161,11 +163,14 @@ class PostgresServer(PrivateServer):
             str(self.data),
         ]
         subprocess.run(["setpriv", *_identity(self.owner), *initdb], check=True, capture_output=True, timeout=60)
+        if network:
+            with (self.data / "pg_hba.conf").open("a") as rules:
+                rules.write(f"host all all {network} trust\n")
 
     @property
     def url(self) -> str:
         """The value of DATABASE_URL."""
-        return f"postgres://postgres@127.0.0.1:{self.port}/postgres"
+        return f"postgres://postgres@{self.address}:{self.port}/postgres"
 
     def command_line(self) -> list[str]:
         """With its settings on the command line."""
@@ -216,10 +221,10 @@ def shared_postgres() -> str:
     return server.url.rpartition("/")[0]
 
 
-def free_port() -> int:
-    """A port of 127.0.0.1 where nobody listens."""
+def free_port(address: str = "127.0.0.1") -> int:
+    """A port of an address of this machine where nobody listens."""
     with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
+        probe.bind((address, 0))
         return probe.getsockname()[1]
 
 

@@ -139,9 +139,9 @@ class Players(list[Player]):
 
 
 @contextmanager
-def playing(server: Server, key: str, clients: int = CLIENTS) -> Iterator[Players]:
-    """Clients that play during the block and are checked after it."""
-    players = Players(Player(server.url, key, seed) for seed in range(clients))
+def playing(server: Server, key: str, clients: int = CLIENTS, url: str = "") -> Iterator[Players]:
+    """Clients that play during the block, at `url` if it is not the server's own, and are checked after it."""
+    players = Players(Player(url or server.url, key, seed) for seed in range(clients))
     for player in players:
         player.start()
     try:

@@ -11,11 +11,13 @@ from typing import Any
 
 import pytest
 from django.db import OperationalError
+from django.utils import timezone
 
 from envs_app import housekeeping as rounds
 from envs_app.serving import bond, logs
 from envs_app.serving.child import LONGEST_DELAY, Child
 from envs_app.serving.housekeeping import Housekeeper
+from tests.agents.makers import make_agent
 from tests.servers import wait_for
 
 
@@ -121,3 +123,18 @@ def test_the_end_of_a_log_that_goes_to_the_terminal_is_empty() -> None:
     kept: Any = logs.Logs(None)
     assert kept.tail("web") == ""
     kept.rotate()
+
+
+@pytest.mark.django_db
+def test_an_execution_that_was_taken_for_lost_and_speaks_again_did_not_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rounds, "sync_saves", lambda run: None)
+    begun = timezone.now() - 2 * rounds.GRACE
+    run = make_agent("cut off").current_run()
+    back, _, idle = (run.executions.create(number=number, started_at=begun) for number in (1, 2, 3))
+    type(idle).objects.filter(pk=idle.pk).update(ended_at=begun, end_reason="idle")
+    rounds.note_lost([])
+    rounds.note_found([])
+    assert list(run.executions.order_by("number").values_list("end_reason", flat=True)) == ["lost", "lost", "idle"]
+    rounds.note_found([{"uid": str(back.uid)}, {"uid": str(idle.uid)}])
+    assert list(run.executions.filter(ended_at=None)) == [back]
+    assert list(run.executions.order_by("number").values_list("end_reason", flat=True)) == ["", "lost", "idle"]
