@@ -90,6 +90,7 @@ STORAGES = {
 
 AUTH_USER_MODEL = "agents_app.User"
 LANGUAGE_CODE = "en-us"
+FORMAT_MODULE_PATH = ["shepherd.formats"]  # dates
 TIME_ZONE = "UTC"
 USE_TZ = True
 STATIC_URL = "/static/"

@@ -1,0 +1,1 @@
+"""How pages write dates: by language, as Django looks for them (FORMAT_MODULE_PATH)."""
