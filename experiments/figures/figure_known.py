@@ -1,4 +1,8 @@
-"""Figures that are known of some algorithms, and ours: in process, a run per seed, exploring as they learn."""
+"""Figures that are known of some algorithms, and ours: in process, a run per seed, exploring as they learn.
+
+PPO has what a new agent has, observations normalised (docs/adr/0013). BDPI's authors train at each step with 16 critics of 32, 20
+gradient steps and batches of 256, which costs an hour for 200 episodes of Lunar Lander: ours there is smaller and learns faster.
+"""
 
 from typing import Any
 
@@ -14,40 +18,48 @@ MOON, CONTINUOUS, BDPI_MOON, ROOMS = (
     "Lunar Lander, BDPI",
     "Five Rooms 29x27",
 )
-PPO, SAC_, BDPI = "PPO", "SAC", "BDPI"
-ZOO = "rl-baselines3-zoo: {} by a trained {}, not exploring"
-AUTHORS = "its authors"
-BDPI_LANDER: dict[str, Any] = {"n_critics": 16, "net_arch": "32", "fit_steps": 20, "train_freq": 8}
-BDPI_ROOMS: dict[str, Any] = {"net_arch": "64", "train_freq": 4}
+PPO_NAME, SAC_NAME, BDPI_NAME = "PPO", "SAC", "BDPI"
+MARK, AUTHORS = "Gymnasium's mark of a solved task", "its authors"
+NORMALISED = {"normalize_observations": True}
+SMALL_BDPI: dict[str, Any] = {"net_arch": "32", "batch_size": 64, "learning_rate": 1e-3, "train_freq": 4}
 
 
-def panel(title: str, name: str, task: InProcess, runs: int = 4, window: int = 100) -> Panel:
+def panel(title: str, name: str, task: InProcess, runs: int = 2, window: int = 100) -> Panel:
     """A task and its only learner."""
     return Panel(title, {name: task}, window, runs=runs)
 
 
+REMARK = (
+    "BDPI has not been played to its authors' figures, for want of time: at their settings a step takes 0.05 s of a core on "
+    "Lunar Lander and 0.15 s on Five Rooms, and 200 episodes hours. Short looks, a seed each: on Lunar Lander their "
+    "settings, but trained at every 8th step only, had -162 over episodes 151 to 200; ours here -15 over episodes 62 to "
+    "111, after 4 minutes, and rising. On Five Rooms 64 units, batches of 64 and a rate of 0.001 at every 4th step found "
+    "the goal a few times in 53 episodes, and had not learned the way by then. Whether that is the settings or a defect is "
+    "not known."
+)
 FIGURE = Figure(
     number="known",
     title="Known figures",
     said_by="Known",
-    thesis="Cart Pole 475 (its environment's own mark) to 500, Lunar Lander over 200 (its mark), Pendulum about -150; of BDPI, "
-    "from its authors, Lunar Lander about 150 by 200 episodes and 200 by 1000, Five Rooms about 45 of 47 by 200.",
+    thesis="Cart Pole 475 to 500, Lunar Lander over 200, Pendulum -157 (a trained SAC of rl-baselines3-zoo); of BDPI, from its "
+    "authors, Lunar Lander about 150 by 200 episodes and 200 by 1000, Five Rooms about 45 of 47 by 200.",
     panels=(
-        panel(POLE, PPO, InProcess("CartPole-v1", 600, "PPO")),
-        panel(SWING, SAC_, InProcess("Pendulum-v1", 40, "SAC", SAC), runs=2, window=10),
-        panel(MOON, PPO, InProcess("LunarLander-v3", 1500, "PPO", LANDER), runs=2),
-        panel(CONTINUOUS, PPO, InProcess("LunarLanderContinuous-v3", 1500, "PPO", LANDER), runs=2),
-        panel(BDPI_MOON, BDPI, InProcess("LunarLander-v3", 1000, "BDPI", BDPI_LANDER), runs=2),
-        panel(ROOMS, BDPI, InProcess(f"{OURS}FiveRooms-29x27-v0", 200, "BDPI", BDPI_ROOMS), runs=2, window=20),
+        panel(POLE, PPO_NAME, InProcess("CartPole-v1", 450, "PPO", NORMALISED), runs=4),
+        panel(SWING, SAC_NAME, InProcess("Pendulum-v1", 40, "SAC", SAC), window=10),
+        panel(MOON, PPO_NAME, InProcess("LunarLander-v3", 1200, "PPO", LANDER | NORMALISED)),
+        panel(CONTINUOUS, PPO_NAME, InProcess("LunarLanderContinuous-v3", 1000, "PPO", NORMALISED)),
+        panel(BDPI_MOON, BDPI_NAME, InProcess("LunarLander-v3", 1000, "BDPI", SMALL_BDPI)),
+        panel(ROOMS, BDPI_NAME, InProcess(f"{OURS}FiveRooms-29x27-v0", 200, "BDPI"), window=20),
     ),
     claims=(),
     levels=(
-        Level(POLE, PPO, 475, "Gymnasium's mark of a solved task"),
-        Level(SWING, SAC_, -157, ZOO.format("-157", "SAC"), over=10),
-        Level(MOON, PPO, 200, "Gymnasium's mark of a solved task"),
-        Level(CONTINUOUS, PPO, 200, "Gymnasium's mark of a solved task"),
-        Level(BDPI_MOON, BDPI, 150, AUTHORS, by=200, over=50),
-        Level(BDPI_MOON, BDPI, 200, AUTHORS),
-        Level(ROOMS, BDPI, 45, AUTHORS, over=50),
+        Level(POLE, PPO_NAME, 475, MARK),
+        Level(SWING, SAC_NAME, -157, "rl-baselines3-zoo, not exploring", over=10),
+        Level(MOON, PPO_NAME, 200, MARK),
+        Level(CONTINUOUS, PPO_NAME, 200, MARK),
+        Level(BDPI_MOON, BDPI_NAME, 150, AUTHORS, by=200, over=50),
+        Level(BDPI_MOON, BDPI_NAME, 200, AUTHORS),
+        Level(ROOMS, BDPI_NAME, 45, AUTHORS, over=50),
     ),
+    remark=REMARK,
 )
