@@ -16,6 +16,7 @@ from envs_app.transports.queue import GONE_SECONDS, Queue
 
 RESERVED_SECONDS = 30.0  # a place that was given out and never taken is free again,
 CROWDED_SECONDS = 2.0  # and so soon when somebody else waits for one
+TELL_SECONDS = 1.0  # an execution that was told so lately that others wait knows it
 FAILURES, FAILURE_SECONDS = 3, 60.0  # so many failures in so long, and the agent waits
 SOON = 0.1
 
@@ -34,6 +35,7 @@ class Execution(ABC):
     state: str = "starting"  # then ready, stopping
     stop_reason: str = ""
     stopping_since: float = 0.0
+    crowded_at: float = -TELL_SECONDS  # when it was told last that others wait
     active: set[int] = field(default_factory=set)  # sessions in the middle of an episode
     reserved: dict[int, float] = field(default_factory=dict)  # given out, not taken yet; since when
     homes: set[int] = field(default_factory=set)  # sessions that it has served
@@ -136,7 +138,9 @@ class Population(Generic[E]):
         if claim["waits"]:
             pause = self.queues[claim["run"]].join(claim["session"])
             for execution in mates:
-                execution.tell({"k": "crowded", "seconds": GONE_SECONDS})
+                if self.clock() - execution.crowded_at >= TELL_SECONDS:
+                    execution.crowded_at = self.clock()
+                    execution.tell({"k": "crowded", "seconds": GONE_SECONDS})
         raise NoCapacity("All executions of the agent are in use; repeat the step later.", pause)
 
     def note_failure(self, agent: str) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 GONE_SECONDS = 5.0  # who has not asked for so long waits no more
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 2.0  # the further behind, the longer until one should ask again
+MOST = 100  # who comes when so many wait asks again later: a queue that thousands write to lets nobody through
 
 
 class Queue:
@@ -30,8 +31,11 @@ class Queue:
         return waiting.index(session) if session in self._asked else len(waiting)
 
     def join(self, session: int) -> float:
-        """Wait, or go on waiting; returns the seconds until the session should ask again."""
-        pause = FIRST_PAUSE * (self.position(session) + 1)
+        """Wait, or go on waiting, if there is room; returns the seconds until the session should ask again."""
+        position = self.position(session)
+        if position >= MOST:
+            return LONGEST_PAUSE
+        pause = FIRST_PAUSE * (position + 1)
         self._asked[session] = self._clock()
         return min(LONGEST_PAUSE, pause)
 

@@ -24,7 +24,10 @@ from envs_app.transports.queue import Queue
 from envs_app.transports.redis import keys, scripts
 from envs_app.transports.redis.wire import Wire
 
-DECIDED = ("number", "run", "sessions_allowed", "reclaim_seconds", "reserved", "stop_reason", "saves_asked", "launched")
+DECIDED = (
+    *("number", "run", "sessions_allowed", "reclaim_seconds", "reserved", "stop_reason", "saves_asked", "launched"),
+    "crowded_at",
+)
 SAID = ("number", "run", "sessions_allowed", "reclaim_seconds", "state", "saves_answered", "status", "started")
 TRIES = 100  # of a compare-and-set; each fails only because somebody else's succeeded
 
