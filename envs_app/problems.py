@@ -25,10 +25,13 @@ from envs_app.errors import (
     ShepherdError,
     Unavailable,
 )
+from envs_app.transports.base import Away
 
 log = structlog.get_logger("shepherd.http")
 
+AWAY_WAIT = 0.25  # seconds, while what carries the steps is away: most often it is being started again
 DEFAULT_WAIT = 1.0  # seconds, when an error that asks to wait does not say how long
+UNREACHED = "The executions, or what they saved, cannot be reached now; repeat the request."
 LEGACY_PATHS = "/shepherd/"
 
 
@@ -66,10 +69,8 @@ TRANSLATIONS: tuple[tuple[Any, Callable[[Any], ShepherdError]], ...] = (
         (OperationalError, InterfaceError),
         lambda error: Unavailable("The database cannot be reached now; repeat the request."),
     ),
-    (
-        (ConnectionError, TimeoutError, BlockingIOError),
-        lambda error: Unavailable("The executions, or what they saved, cannot be reached now; repeat the request."),
-    ),
+    (Away, lambda error: Unavailable(UNREACHED, AWAY_WAIT)),
+    ((ConnectionError, TimeoutError, BlockingIOError), lambda error: Unavailable(UNREACHED)),
     ((Http404, exceptions.NotFound), lambda error: NotFound(_sentence(error, "There is nothing at this address."))),
     (exceptions.MethodNotAllowed, lambda error: MethodNotAllowed(str(error.detail))),
     (

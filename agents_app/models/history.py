@@ -33,7 +33,7 @@ class Execution(models.Model):
     number = models.PositiveIntegerField(help_text="Counts the executions of a run from 1.")
     started_at = models.DateTimeField(default=timezone.now)
     ended_at = models.DateTimeField(null=True, blank=True)
-    end_reason = models.CharField(max_length=50, blank=True)  # idle, restart, crash, stop, lost
+    end_reason = models.CharField(max_length=50, blank=True)  # idle, restart, crash, stop, lost, parent gone
 
     class Meta:
         ordering = ["number"]

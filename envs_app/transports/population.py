@@ -19,6 +19,7 @@ CROWDED_SECONDS = 2.0  # and so soon when somebody else waits for one
 TELL_SECONDS = 1.0  # an execution that was told so lately that others wait knows it
 FAILURES, FAILURE_SECONDS = 3, 60.0  # so many failures in so long, and the agent waits
 SOON = 0.1
+IDLE, PARENT_GONE = "idle", "parent gone"  # reasons to end for which nobody waits until all is saved
 
 
 @dataclass
@@ -94,7 +95,7 @@ class Population(Generic[E]):
         """The execution that shall serve the session; None: one may be launched. Raises NoCapacity."""
         session, excluded = claim["session"], set(exclude)
         mates = [e for e in self.of_agent(claim["agent"]) if e.run == claim["run"]]
-        if any(e.state == "stopping" and e.stop_reason != "idle" for e in mates):
+        if any(e.state == "stopping" and e.stop_reason not in (IDLE, PARENT_GONE) for e in mates):
             raise NoCapacity("The agent's executions are being saved; repeat the step.", SOON)
         for execution in mates:
             if execution.uid in excluded:
@@ -123,7 +124,8 @@ class Population(Generic[E]):
 
     def _may_launch(self, claim: Message) -> bool:
         self._check_failures(claim["agent"])
-        return len(self.of_agent(claim["agent"])) < claim["max_executions"] and len(self.by_uid) < self.most
+        live = [e for e in self.of_agent(claim["agent"]) if e.stop_reason != PARENT_GONE]
+        return len(live) < claim["max_executions"] and len(self.by_uid) < self.most
 
     def _reclaimable(self, mates: list[E]) -> E | None:
         """One with a session that has been silent for too long; it decides itself whether that one loses its place."""

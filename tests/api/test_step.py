@@ -5,6 +5,7 @@ from django.db import OperationalError
 
 from envs_app import errors
 from envs_app.steps import Reply
+from envs_app.transports.base import Away
 from tests.api.conftest import assert_problem
 
 STEP = {"obs": [0.5] * 8, "reward": 1.5, "terminated": False, "truncated": False}
@@ -161,6 +162,15 @@ def test_a_database_that_is_locked_is_a_503(api, core):
 def test_executions_that_cannot_be_reached_are_a_503(api, core):
     core.answer = ConnectionRefusedError(111, "Connection refused")
     assert_problem(post(api), 503, "unavailable", "The executions, or what they saved, cannot be reached now")
+
+
+def test_while_what_carries_the_steps_is_away_it_is_asked_again_soon(api, core):
+    """Most often it is being started again; the header has whole seconds only."""
+    core.answer = Away("Redis does not answer")
+    response = post(api)
+    assert_problem(response, 503, "unavailable", "The executions, or what they saved, cannot be reached now")
+    assert response["Retry-After"] == "1"
+    assert response.json()["retry_after"] == 0.25
 
 
 def test_a_fault_is_logged_with_its_traceback_and_tells_the_client_nothing(api, core, capsys, caplog):

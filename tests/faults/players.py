@@ -199,3 +199,16 @@ def errors_of(server: Server, agent: str) -> list[tuple[str, str]]:
         "ON run.id = run_id WHERE agent_id = ? ORDER BY error.created_at",
         agent.replace("-", ""),
     )
+
+
+def ends(server: Server, agent: str) -> dict[str, str]:
+    """Why each execution of an agent ended, as the administration has it; empty while it lives."""
+    return {
+        str(uid): reason
+        for uid, reason in query(
+            server,
+            "SELECT uid, end_reason FROM agents_app_execution AS execution JOIN agents_app_run AS run "
+            "ON run.id = run_id WHERE agent_id = ?",
+            agent,
+        )
+    }

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from envs_app.execution.saves import MODEL
+from envs_app.transports.redis import keys
 from envs_app.transports.redis.client import RedisTransport
 from shepherd.celery import app
+from tests.servers import wait_for
 from tests.services import RedisServer, running
 from tests.transports.agents import Agent
 from tests.transports.contract import TransportContract
@@ -39,6 +45,19 @@ class RedisEngine(ProcessEngine):
         """It has said that it lives, and executions are launched."""
         room = self.connect().room
         return self.process.pid in [machine["pid"] for machine in room.machines().values()] and room.settled()
+
+    @contextmanager
+    def hangs(self) -> Iterator[None]:
+        """The worker's main process does nothing, as if its machine were lost."""
+        self.process.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self.process.send_signal(signal.SIGCONT)
+
+    def listeners(self, uid: str) -> int:
+        """How many connections say that the execution lives."""
+        return self.connect().wire.ask(("PUBSUB", "NUMSUB", keys.alive(uid)))[0][1]
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +89,62 @@ class TestRedisTransport(TransportContract):
         known = len(agent.events("saved"))
         player.play(100)
         agent.wait_for_event("saved", known + 1)
+
+    def test_a_killed_execution_is_found_dead_at_once_though_its_worker_says_nothing(self, engine: RedisEngine) -> None:
+        """By the first who waits for it; then its place is free."""
+        agent = Agent(engine, most=1)
+        player = agent.player()
+        player.play(3, length=100)
+        killed, began = player.address, time.monotonic()
+        with engine.hangs():
+            engine.signal(killed.uid, signal.SIGKILL)
+            with pytest.raises(ConnectionError):
+                player.step(reward=1.0)
+            assert time.monotonic() - began < keys.LEASE / 3
+            assert [event["reason"] for event in agent.events("ended")] == ["lost"]
+            assert not agent.status()
+        player.address = None
+        assert player.end(1.0)["return"] == 3.0
+        assert player.address != killed
+        assert "SIGKILL" in agent.wait_for_event("error")[0]["summary"]
+        assert not agent.transport.shared.load(agent.id).failures[agent.id], (
+            "it was ready, and is no failure of its agent"
+        )
+
+    def test_an_execution_that_is_taken_for_dead_and_lives_makes_no_mistake(self, engine: RedisEngine) -> None:
+        """Its connection is lost while it cannot make another; the step that it has already taken is answered elsewhere."""
+        agent = Agent(engine, most=2)
+        player = agent.player()
+        player.play(4, length=100)
+        alive, message = player.address, player.message(reward=1.0)
+        pid = agent.status()[alive.uid]["pid"]
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            engine.redis.command("client", "kill", "type", "pubsub")
+            with pytest.raises(ConnectionError):
+                player.send(message)
+            player.address = None
+            assert player.send(message)["k"] == "answer"
+        finally:
+            os.kill(pid, signal.SIGCONT)
+        assert player.address != alive
+        wait_for(lambda: alive.uid in agent.status(), what="it to say that it lives")
+        wait_for(lambda: player.session not in agent.status()[alive.uid]["active_sessions"], what="it to let go")
+        player.play(4, length=100)
+        assert player.end(1.0) | {"execution": ""} == {
+            "number": 1, "return": 9.0, "length": 9, "learning": True, "run": agent.run, "execution": ""
+        }  # fmt: skip
+        assert player.address != alive
+        player.play(1, length=1)
+        assert player.step()["k"] == "answer"
+
+    def test_a_connection_that_says_that_an_execution_lives_is_made_again(self, engine: RedisEngine) -> None:
+        agent = Agent(engine)
+        player = agent.player()
+        player.step()
+        assert engine.listeners(player.address.uid) == 1
+        engine.redis.command("client", "kill", "type", "pubsub")
+        wait_for(lambda: engine.listeners(player.address.uid) == 1, what="another")
 
     def test_saves_lie_where_the_settings_say_and_nowhere_else(self, engine: RedisEngine) -> None:
         agent = Agent(engine)

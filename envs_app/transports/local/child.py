@@ -20,6 +20,7 @@ from envs_app.messages import CHUNK, FrameReader, Message, pack
 from envs_app.serving.bond import die_with_parent
 from envs_app.transports.local.places import Places
 from envs_app.transports.loop import ExecutionLoop, is_step
+from envs_app.transports.population import PARENT_GONE
 
 REPLY_SECONDS = 1.0  # a web process reads its replies at once, or loses its connection
 
@@ -120,7 +121,7 @@ class Child(ExecutionLoop):
         except OSError:  # killed before it read what it was told
             data = b""
         if not data:
-            self.reason = "parent gone"
+            self.reason = PARENT_GONE
         for message in self.control_frames.feed(data):
             self.obey(message)
 

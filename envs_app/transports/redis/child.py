@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 import selectors
 import time
 from collections import deque
@@ -26,10 +27,12 @@ from envs_app.execution.worker import ExecutionSpec
 from envs_app.messages import Message, unpack
 from envs_app.transports.loop import STATUS_SECONDS, ExecutionLoop, is_step
 from envs_app.transports.measure import Meter
+from envs_app.transports.population import PARENT_GONE
 from envs_app.transports.quota import Bucket
 from envs_app.transports.redis import keys, scripts
 from envs_app.transports.redis.ledger import RedisLedger
 from envs_app.transports.redis.shared import TRIES, End, Shared, said_by, seconds
+from envs_app.transports.redis.vital import Vital
 from envs_app.transports.redis.wire import Unreachable, Wire
 
 AT_ONCE = 32  # messages taken from the inbox together
@@ -107,6 +110,7 @@ class RedisChild(ExecutionLoop):
         self.unsaid: deque[dict[str, Any]] = deque(maxlen=1000)  # events that Redis has not taken yet
         self.unsent: deque[tuple[Any, Message]] = deque(maxlen=1000)  # answers, likewise
         self.beating = Lock()  # the learner reports, too
+        self.vital, self.parent = Vital(wire, spec.uid), os.getppid()
         self.connection: Any = None
         self.listening: Any = None
         self.taken: list[int] = []  # sessions that somebody else has now
@@ -114,6 +118,7 @@ class RedisChild(ExecutionLoop):
 
     def live(self) -> int:
         """Serve until told to stop, and be buried; returns the exit code."""
+        self.vital.hold()
         self.beat()
         code = self.run()
         reason = self.reason if code == 0 else "crash"
@@ -140,10 +145,16 @@ class RedisChild(ExecutionLoop):
         if self.connection is not None and now - self.listened_at > LISTEN_SECONDS + 2 * STATUS_SECONDS:
             self._stop_listening()
         if self.connection is None and now - self.tried_at > AGAIN_SECONDS:
-            self._listen()
+            self._listen_again()
         if self.unsent and now - self.answered_at > AGAIN_SECONDS:
             self.answered_at = now
             self._send_again()
+
+    def _listen_again(self) -> None:
+        """And say at once that it lives: a Redis that was started again knows nobody."""
+        self._listen()
+        if self.connection is not None:
+            self.beat()
 
     def _listen(self) -> None:
         self.tried_at = time.monotonic()
@@ -256,6 +267,10 @@ class RedisChild(ExecutionLoop):
                 self.unsaid.append({**where, **message})
         self.beat()
 
+    def _on_signal(self, number: int, frame: Any) -> None:
+        """Told to end, or the kernel says that the worker was killed (serving.bond)."""
+        self.reason = self.reason or ("stop" if os.getppid() == self.parent else PARENT_GONE)
+
     def hang_up(self) -> None:
         """Whoever waits is told so now."""
         self.state = "stopping"
@@ -284,7 +299,9 @@ class RedisChild(ExecutionLoop):
         """A sign of life, with what others must know; from either thread."""
         try:
             with self.beating:
-                [known, *_] = self.wire.ask(self._sign_of_life())
+                [(known, listens)] = self.wire.ask(self._sign_of_life())
+                if not listens and self.state != "stopping":
+                    self.vital.hold()
                 self._say()
             if not known and self.state == "ready":
                 self._remind()
@@ -296,7 +313,7 @@ class RedisChild(ExecutionLoop):
         lease = {"starting": keys.BUILD_LEASE, "ready": keys.LEASE, "stopping": keys.STOP_LEASE}[self.state]
         peer = {"uid": spec.uid, "version": self.published, "mean": self.status.get("mean_return"), "k": "peer"}
         names = [keys.lease(spec.uid), keys.executions(agent), keys.AGENTS, keys.running(self.place.queue)]
-        names += [keys.peers(spec.run), keys.weights(spec.uid)]
+        names += [keys.peers(spec.run), keys.weights(spec.uid), keys.alive(spec.uid)]
         advises = self.published and self.state == "ready"
         return scripts.script(
             scripts.BEAT,
@@ -309,6 +326,7 @@ class RedisChild(ExecutionLoop):
             int(self.state != "stopping"),
             spec.number,
             msgpack.packb(peer) if advises else b"",
+            self.vital.server,
         )
 
     def _facts(self) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from envs_app.transports.redis.queues import queue_of
 from envs_app.transports.redis.shared import End, Fleet, RedisExecution, Shared
 from envs_app.transports.redis.wire import COMMAND_SECONDS, Wire
 
-LOOK_SECONDS = 5.0  # who hears nothing for so long looks whether an answer may yet come
+LOOK_SECONDS = 0.5  # who hears nothing for so long looks whether an answer may yet come
 EVENTS_AT_ONCE = 500
 
 
@@ -49,7 +49,7 @@ class RedisTransport(Transport):
             return execution.uid if execution else None
 
         uid = self.shared.edit(claim.agent, choose, claim.session)
-        return Address(uid, uid) if uid else None
+        return Address(uid, claim.agent) if uid else None
 
     def launch(self, claim: Claim, spec: dict[str, Any], max_percent_cpu: int, exclude: Iterable[str] = ()) -> Address:
         """Enqueue a task. It starts while the first step already waits in its inbox."""
@@ -72,7 +72,7 @@ class RedisTransport(Transport):
             self._withdraw(launched)
         else:
             self._enqueue(launched, spec, max_percent_cpu)
-        return Address(uid, uid)
+        return Address(uid, claim.agent)
 
     def call(self, address: Address, message: Message, timeout: float) -> Message:
         """Push the step, and wait for its answer."""
@@ -85,8 +85,8 @@ class RedisTransport(Transport):
             wait = min(LOOK_SECONDS, max(left, 0.01))
             _, found = self.wire.ask(ask, ("BLPOP", reply, wait), patience=wait + COMMAND_SECONDS)
             if found is not None:
-                return _answer(unpack(found[1]))
-            ask = scripts.script(scripts.LOOK, names, *TOLD)
+                return self._answer(unpack(found[1]), address)
+            ask = scripts.script(scripts.LOOK, [*names, keys.alive(address.uid)], *TOLD, CUT_OFF)
         raise TimeoutError("no answer in time")
 
     def forget(self, session: int, agent: str) -> None:
@@ -152,6 +152,18 @@ class RedisTransport(Transport):
             for end in self.shared.dead(agent):
                 self.shared.bury(end)
 
+    def _answer(self, message: Message, address: Address) -> Message:
+        """What came of a step. Raises ConnectionError when its execution is gone, Away when Redis has forgotten it."""
+        match message["k"]:
+            case "gone":
+                raise ConnectionError("the execution is gone")
+            case "cut_off":
+                self.shared.bury_cut_off(address.where)
+                raise ConnectionError("the execution was killed")
+            case "away":
+                raise Away("Redis has lost its memory")
+        return message
+
     # --- finding ---
     def _find(self, fleet: Fleet, claim: Claim, exclude: list[str], room: int) -> RedisExecution | None:
         fleet.most = len(fleet.by_uid) + room
@@ -203,13 +215,5 @@ def _launched(fleet: Fleet, spec: dict[str, Any]) -> RedisExecution:
     return execution
 
 
-def _answer(message: Message) -> Message:
-    """What came of a step. Raises ConnectionError when its execution is gone, Away when Redis has forgotten it."""
-    if message["k"] == "gone":
-        raise ConnectionError("the execution is gone")
-    if message["k"] == "away":
-        raise Away("Redis has lost its memory")
-    return message
-
-
 TOLD = msgpack.packb({"k": "gone"}), msgpack.packb({"k": "away"}), keys.ms(keys.REPLY)
+CUT_OFF = msgpack.packb({"k": "cut_off"})

@@ -15,8 +15,13 @@ EVENTS = 24 * 3600.0  # what happened, and no housekeeper read
 
 
 def lease(uid: str) -> str:
-    """There while the execution serves."""
+    """There while the execution serves. Its value: the run of Redis in which it is listened for at `alive`, if it is."""
     return f"{PREFIX}:lease:{uid}"
+
+
+def alive(uid: str) -> str:
+    """A channel, to which the execution listens for as long as its process lives; nothing is ever said there."""
+    return f"{PREFIX}:alive:{uid}"
 
 
 def inbox(uid: str) -> str:

@@ -23,6 +23,24 @@ if redis.call('EXISTS', KEYS[2]) == 0 then
 end
 """
 
+# Whether somebody listens; nobody, where Redis does not say.
+_HEARD = """
+local function heard(channel) return (redis.pcall('PUBSUB', 'NUMSUB', channel)[2] or 0) > 0 end
+"""
+
+# Whether an execution's process is gone though its lease is not: it listened in this run of Redis, and does so no more.
+_CUT_OFF = (
+    _HEARD
+    + """
+local function cut_off(lease, channel)
+  local run = redis.call('GET', lease)
+  if not run or run == '' or heard(channel) then return false end
+  local info = redis.pcall('INFO', 'server')
+  return type(info) == 'string' and string.find(info, 'run_id:' .. run .. '\\r', 1, true) ~= nil
+end
+"""
+)
+
 # A step for an execution.
 SEND = (
     _TELL_IF_GONE
@@ -36,7 +54,9 @@ return 1
 # Whether an answer may yet come: Redis may have forgotten the step with all else.
 LOOK = (
     _TELL_IF_GONE
+    + _CUT_OFF
     + """
+if cut_off(KEYS[2], KEYS[4]) then return tell(ARGV[4]) end
 if redis.call('SISMEMBER', KEYS[3], KEYS[1]) == 1 then return redis.call('PEXPIRE', KEYS[3], ARGV[3]) end
 return redis.call('EXISTS', KEYS[1]) == 1 or tell(ARGV[2])
 """
@@ -64,13 +84,28 @@ return mine and 1 or 0
 """
 )
 
-# A sign of life. Returns whether the last one was still known. One that saves has no lease any more: it serves nobody.
+# The executions of an agent that were killed. Names of keys: without the uid.
+CUT_OFF = (
+    _CUT_OFF
+    + """
+local found = {}
+for _, uid in ipairs(redis.call('HKEYS', KEYS[1])) do
+  if cut_off(KEYS[2] .. uid, KEYS[3] .. uid) then table.insert(found, uid) end
+end
+return found
+"""
+)
+
+# A sign of life. Returns whether the last one was still known, and whether the execution is listened for. One that saves has no
+# lease any more: it serves nobody.
 BEAT = (
     NOW
     + _SETTLE
+    + _HEARD
     + """
 local known = redis.call('EXISTS', KEYS[1])
-if ARGV[6] == '1' then redis.call('SET', KEYS[1], '1', 'PX', ARGV[3]) end
+local listens = heard(KEYS[7])
+if ARGV[6] == '1' then redis.call('SET', KEYS[1], listens and ARGV[9] or '', 'PX', ARGV[3]) end
 redis.call('HSET', KEYS[2], ARGV[1], now .. ':' .. ARGV[2]) redis.call('PEXPIRE', KEYS[2], ARGV[4])
 redis.call('ZADD', KEYS[3], now, ARGV[5]) redis.call('PEXPIRE', KEYS[3], ARGV[4])
 redis.call('ZADD', KEYS[4], now + ARGV[3], ARGV[1]) redis.call('PEXPIRE', KEYS[4], ARGV[4])
@@ -78,7 +113,7 @@ if ARGV[8] ~= '' then
   redis.call('HSET', KEYS[5], ARGV[7], now .. ':' .. ARGV[8]) redis.call('PEXPIRE', KEYS[5], ARGV[4])
   redis.call('PEXPIRE', KEYS[6], ARGV[4])
 end
-return known
+return {known, listens and 1 or 0}
 """
 )
 
@@ -86,7 +121,7 @@ return known
 ANNOUNCE = (
     NOW
     + """
-redis.call('SET', KEYS[1], '1', 'PX', ARGV[3])
+redis.call('SET', KEYS[1], '', 'PX', ARGV[3])
 redis.call('ZREMRANGEBYSCORE', KEYS[2], '-inf', now)
 redis.call('ZADD', KEYS[2], now + ARGV[3], ARGV[1]) redis.call('PEXPIRE', KEYS[2], ARGV[4])
 redis.call('ZADD', KEYS[3], now, ARGV[2]) redis.call('PEXPIRE', KEYS[3], ARGV[4])

@@ -159,11 +159,18 @@ class Shared:
         """The executions of an agent that gave signs of life, and give none any more. Raises Unreachable."""
         clock, raw = self.wire.ask(("TIME",), ("HGETALL", keys.executions(agent)))
         now, said = seconds(clock), said_by(raw)
-        return [
-            End(uid, facts["number"], facts["run"], agent, facts["queue"], "lost", 0, failed=False)
-            for uid, (at, facts) in said.items()
-            if now - at > facts["lease"] + keys.LEASE
-        ]
+        return [_lost(uid, agent, facts) for uid, (at, facts) in said.items() if now - at > facts["lease"] + keys.LEASE]
+
+    def bury_cut_off(self, agent: str) -> None:
+        """Bury the executions of an agent whose processes were killed. Raises Unreachable."""
+        names = [keys.executions(agent), keys.lease(""), keys.alive("")]
+        raw, uids = self.wire.ask(("HGETALL", names[0]), scripts.script(scripts.CUT_OFF, names))
+        said = said_by(raw)
+        ends = [_lost(uid, agent, said[uid][1]) for uid in map(bytes.decode, uids) if uid in said]
+        for end in ends:  # all of them, before whoever waits for one looks for another
+            self.hang_up(agent, end.uid, end.queue, over=True)
+        for end in ends:
+            self.bury(end)
 
     def event(self, event: dict[str, Any]) -> None:
         """Something happened, for the housekeeping."""
@@ -206,6 +213,11 @@ class End:
     def where(self) -> dict[str, Any]:
         """For events."""
         return {"uid": self.uid, "agent": self.agent, "run": self.run}
+
+
+def _lost(uid: str, agent: str, facts: dict[str, Any]) -> End:
+    """The end of an execution that told nobody; `facts`: what it said of itself."""
+    return End(uid, facts["number"], facts["run"], agent, facts["queue"], "lost", 0, failed=False)
 
 
 def seconds(clock: list[bytes]) -> float:

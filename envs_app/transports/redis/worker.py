@@ -31,7 +31,7 @@ from envs_app.transports.population import why_killed
 from envs_app.transports.redis import keys
 from envs_app.transports.redis.machines import Room
 from envs_app.transports.redis.queues import QUEUES
-from envs_app.transports.redis.shared import End, Shared, said_by
+from envs_app.transports.redis.shared import End, Shared
 from envs_app.transports.redis.wire import Unreachable, Wire
 
 BEAT_SECONDS, REAP_SECONDS = 1.0, 0.2
@@ -144,9 +144,8 @@ class Machine(bootsteps.StartStopStep):
         where = {"uid": uid, "agent": spec["agent_id"], "run": spec["run"], "at": time.time()}
         summary = why_killed(code) if uid not in self.silent else f"the execution hung for {SILENT_SECONDS:g} s"
         try:
-            raw = self.wire.ask(("HGETALL", keys.executions(spec["agent_id"])))[0]
-            _, facts = said_by(raw).get(uid, (0, {"state": "starting"}))
-            failed = code != -signal.SIGKILL or facts["state"] == "starting"
+            known = self.shared.load(spec["agent_id"]).by_uid.get(uid)  # unless somebody else has buried it
+            failed = code != -signal.SIGKILL or (known is not None and known.state == "starting")
             self.shared.event({"k": "error", "summary": summary, "traceback": "", "fatal": True, **where})
             self.shared.bury(
                 End(uid, spec["number"], spec["run"], spec["agent_id"], order["queue"], "crash", code, failed)

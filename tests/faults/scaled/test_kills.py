@@ -6,10 +6,12 @@ import os
 import signal
 from collections.abc import Callable
 
+import psutil
 import pytest
 
+from envs_app.transports.population import PARENT_GONE
 from tests.faults.inside import executions_of
-from tests.faults.players import errors_of, one_hangs, playing
+from tests.faults.players import ends, errors_of, one_hangs, playing
 from tests.faults.scaled.setup import Scaled
 from tests.faults.test_killed_parts import (  # noqa: F401 - run here, too
     test_clients_survive_the_death_of_all_executions_at_once,
@@ -23,16 +25,20 @@ Agent = Callable[[str], tuple[str, str]]
 
 
 def test_clients_survive_the_death_of_a_worker(own: Scaled, agent: Agent) -> None:
-    """Its executions save and end; those of the other worker take over, and another worker is started."""
-    with playing(own, agent("killed")[1]) as players:
-        killed = own.part("worker1")
+    """Its executions hand over, save and end; those of the other worker take over, and another worker is started."""
+    identity, key = agent("killed")
+    with playing(own, key) as players:
+        parents = {psutil.Process(execution["pid"]).ppid() for execution in executions_of(own, identity)}
+        part = next(name for name in ("worker1", "worker2") if own.part(name) in parents)
+        killed = own.part(part)
         os.kill(killed, signal.SIGKILL)
         players.play_on()
-        wait_for(lambda: own.part("worker1") not in (None, killed), what="another worker")
+        wait_for(lambda: own.part(part) not in (None, killed), what="another worker")
+        wait_for(lambda: PARENT_GONE in ends(own, identity).values(), what="the ends to be noted")
 
 
 def test_clients_survive_the_loss_of_a_worker_with_all_its_executions(own: Scaled, agent: Agent) -> None:
-    """As when a machine is switched off: nobody can say that they are dead."""
+    """Nobody is left who could say that they are dead, but that their connections are."""
     with playing(own, agent("killed")[1]) as players:
         os.killpg(own.part("worker2"), signal.SIGKILL)
         players.play_on()

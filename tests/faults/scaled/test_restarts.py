@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from tests.faults.inside import saves_of, transport
-from tests.faults.players import playing, query
+from tests.faults.players import ends, playing
 from tests.faults.scaled.setup import Scaled
 from tests.servers import wait_for
 
@@ -30,19 +30,6 @@ def end(own: Scaled, part: str, number: int) -> None:
 def workers(own: Scaled) -> list[int]:
     """The process ids of those that say that they live."""
     return [machine["pid"] for machine in transport(own).room.machines().values()]
-
-
-def ends(own: Scaled, agent: str) -> dict[str, str]:
-    """Why each execution of an agent ended, as the administration has it; empty while it lives."""
-    return {
-        str(uid): reason
-        for uid, reason in query(
-            own,
-            "SELECT uid, end_reason FROM agents_app_execution AS execution JOIN agents_app_run AS run "
-            "ON run.id = run_id WHERE agent_id = ?",
-            agent,
-        )
-    }
 
 
 def test_a_rolling_restart(own: Scaled, agent: Agent) -> None:
