@@ -1,7 +1,7 @@
 """A sign of life that ends with the process: a connection that listens at a channel where nothing is ever said.
 
 A lease says that an execution lived some seconds ago. When a process is killed, the kernel closes its connections, and Redis
-knows at once that nobody listens. A machine without power closes nothing: then the lease must do. docs/adr/0013 says more.
+knows at once that nobody listens. A machine without power closes nothing: then the lease must do. docs/adr/0014 says more.
 """
 
 from __future__ import annotations
