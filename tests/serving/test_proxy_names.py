@@ -58,7 +58,7 @@ class Teller(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer."""
-        body = self.server.server_address[0].encode()
+        body = str(self.connection.getsockname()[0]).encode()
         self.send_response(200)
         self.send_header("Content-Length", str(len(body)))
         self.end_headers()

@@ -45,7 +45,8 @@ def execute(order: dict[str, Any]) -> None:
     from envs_app.execution.worker import ExecutionSpec
     from envs_app.transports.redis.child import Place, RedisChild
 
-    die_with_parent(os.getppid())
+    parent = os.getppid()
+    die_with_parent(parent)
     spec, places = order["spec"], Places(Path(settings.DATA_DIR))
     setproctitle.setproctitle(f"shepherd: execution {spec['number']} of {spec['agent_id']}")
     places.run.mkdir(parents=True, exist_ok=True)
@@ -59,6 +60,8 @@ def execute(order: dict[str, Any]) -> None:
     )
     execution = ExecutionSpec.from_dict(places.locate(spec))
     RedisChild(execution, Wire(settings.REDIS_URL), place, storages["saves"]).live()
+    if os.getppid() != parent:
+        os._exit(0)  # the worker was killed: Celery's pool would wait for it, and nobody waits for this process
 
 
 class Machine(bootsteps.StartStopStep):

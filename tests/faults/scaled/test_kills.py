@@ -28,13 +28,16 @@ def test_clients_survive_the_death_of_a_worker(own: Scaled, agent: Agent) -> Non
     """Its executions hand over, save and end; those of the other worker take over, and another worker is started."""
     identity, key = agent("killed")
     with playing(own, key) as players:
-        parents = {psutil.Process(execution["pid"]).ppid() for execution in executions_of(own, identity)}
+        live = [psutil.Process(execution["pid"]) for execution in executions_of(own, identity)]
+        parents = {process.ppid() for process in live}
         part = next(name for name in ("worker1", "worker2") if own.part(name) in parents)
         killed = own.part(part)
+        orphans = [process for process in live if process.ppid() == killed]
         os.kill(killed, signal.SIGKILL)
         players.play_on()
         wait_for(lambda: own.part(part) not in (None, killed), what="another worker")
         wait_for(lambda: PARENT_GONE in ends(own, identity).values(), what="the ends to be noted")
+        wait_for(lambda: not any(orphan.is_running() for orphan in orphans), 10, "the executions' processes to end")
 
 
 def test_clients_survive_the_loss_of_a_worker_with_all_its_executions(own: Scaled, agent: Agent) -> None:
