@@ -359,7 +359,7 @@ class RedisChild(ExecutionLoop):
     def _remind(self) -> None:
         """Redis has lost its memory, or this process has slept: it is told again."""
         log.warning("execution %s was forgotten, and says again what it knows", self.spec.number)
-        self.ledger.restore()
+        self.taken += self.ledger.restore()  # while this machine was cut off, say
         if self.weights is not None:
             self.wire.ask(("SET", keys.weights(self.spec.uid), self.weights, "PX", keys.ms(keys.AGENT)))
 

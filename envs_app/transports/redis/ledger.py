@@ -77,13 +77,14 @@ class RedisLedger:
         self._unsent.discard(session)
         return bool(mine)
 
-    def restore(self) -> None:
-        """Tell Redis all that is held. Raises Unreachable."""
+    def restore(self) -> list[int]:
+        """Tell Redis all that is held; the sessions that somebody else has by now. Raises Unreachable."""
+        held = list(self._held)
         commands: list[Command] = [
-            scripts.script(scripts.KEEP, [keys.ledger(session)], *self._state(session)) for session in self._held
+            scripts.script(scripts.KEEP, [keys.ledger(session)], *self._state(session)) for session in held
         ]
-        if commands:
-            self.wire.ask(*commands)
+        mine = self.wire.ask(*commands) if commands else []
+        return [session for session, is_mine in zip(held, mine, strict=True) if not is_mine]
 
     def _state(self, session: int) -> tuple[Any, ...]:
         state = self._held[session]
