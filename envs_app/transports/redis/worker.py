@@ -75,6 +75,7 @@ class Machine(bootsteps.StartStopStep):
         self.enabled = bool(self.queues)
         self.name, self.slots = worker.hostname, worker.concurrency
         self.silent: dict[str, float] = {}  # executions without a lease, since when
+        self.hung: set[str] = set()  # those that were killed for it
         self.watching = self.leaving = False
 
     def start(self, worker: Any) -> None:
@@ -139,13 +140,14 @@ class Machine(bootsteps.StartStopStep):
         for uid, since in self.silent.items():
             if now - since > SILENT_SECONDS:
                 log.error("execution %s hangs and is killed", uid)
+                self.hung.add(uid)
                 _signal(running[uid], signal.SIGKILL)
 
     def _bury(self, uid: str, order: dict[str, Any], code: int) -> None:
         """An execution was killed; one that was ready is replaced at once, those that die at the start make their agent wait."""
         spec = order["spec"]
         where = {"uid": uid, "agent": spec["agent_id"], "run": spec["run"], "at": time.time()}
-        summary = why_killed(code) if uid not in self.silent else f"the execution hung for {SILENT_SECONDS:g} s"
+        summary = why_killed(code) if uid not in self.hung else f"the execution hung for {SILENT_SECONDS:g} s"
         try:
             known = self.shared.load(spec["agent_id"]).by_uid.get(uid)  # unless somebody else has buried it
             failed = code != -signal.SIGKILL or (known is not None and known.state == "starting")
