@@ -34,7 +34,7 @@ from envs_app.transports.base import Address, Away
 from envs_app.transports.choice import get_transport
 
 TRIES = 4  # executions that a step may find lost or busy before the client is asked to repeat it
-SOON_SECONDS = 3.0  # a wait for capacity that is shorter than the client's would be
+SOON_SECONDS = 0.8  # a wait for capacity that is shorter than the client's would be; within a second it hears something
 PAUSE_SECONDS = 0.05
 ACTIVITY_EVERY = timedelta(minutes=1)
 
