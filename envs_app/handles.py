@@ -39,6 +39,7 @@ ASKING = 4  # threads
 class Handle:
     """What this process knows of an open session."""
 
+    key: str  # the hash of the session key
     session: int
     agent: str
     run: int
@@ -123,11 +124,10 @@ class Handles:
 
     def renew(self, handle: Handle) -> None:
         """Take over what the database says now: an execution must not be sought for a run that is over."""
-        session = Session.objects.filter(pk=handle.session).values_list("hash", flat=True).first()
-        fresh = load(session or "")
-        handle.run, handle.checked_at = fresh.run, fresh.checked_at
+        fresh = check(handle.key, handle)
+        handle.run, handle.facts, handle.checked_at = fresh.run, fresh.facts, fresh.checked_at
         handle.max_executions, handle.sessions_per_execution = fresh.max_executions, fresh.sessions_per_execution
-        self._keep(session or "", handle)
+        self._keep(handle.key, handle)
 
     def drop(self, key: str) -> None:
         """Forget a session."""
@@ -172,6 +172,7 @@ def load(key_hash: str) -> Handle:
     row = get_row(agent.algorithm.name)
     advised = row.advice and agent.advice_method != Agent.AdviceMethod.NONE
     return Handle(
+        key=key_hash,
         session=session.pk,
         agent=str(agent.pk),
         run=agent.current_run().pk,

@@ -34,7 +34,7 @@ from envs_app.transports.base import Address, Away
 from envs_app.transports.choice import get_transport
 
 TRIES = 4  # executions that a step may find lost or busy before the client is asked to repeat it
-SOON_SECONDS = 0.8  # a wait for capacity that is shorter than the client's would be; within a second it hears something
+SOON_SECONDS = 0.6  # a wait for capacity that is shorter than the client's would be; within a second it hears something
 PAUSE_SECONDS = 0.05
 ACTIVITY_EVERY = timedelta(minutes=1)
 
@@ -166,16 +166,19 @@ def _find_execution(handle: Handle, refused: list[str], waits: bool = True) -> A
     transport, claim = get_transport(), handle.claim(waits)
     deadline = time.monotonic() + (SOON_SECONDS if waits else 0.0)
     while True:
+        pause = PAUSE_SECONDS
         try:
             return transport.acquire(claim, refused) or record_launch(transport, claim, refused)
         except NoCapacity as error:
-            if (error.retry_after or 1.0) >= 1.0 or time.monotonic() > deadline:
+            soon = error.retry_after or 1.0
+            pause = max(pause, soon / 2)  # those at the end of the queue ask less often
+            if soon >= 1.0 or time.monotonic() + pause > deadline:
                 raise
         except OSError as error:
             if time.monotonic() > deadline:
                 raise ExecutionLost("The executions are restarting; repeat the step.", 1.0) from error
         _give_back_connection()
-        time.sleep(PAUSE_SECONDS)
+        time.sleep(pause)
 
 
 def _give_back_connection() -> None:

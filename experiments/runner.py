@@ -12,7 +12,7 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -51,6 +51,25 @@ class Job:
 
 
 @dataclass(frozen=True)
+class Batch:
+    """Runs of one curve that one process plays at once, since that is cheaper."""
+
+    jobs: tuple[Job, ...]
+
+    def run(self) -> None:
+        """Play all that no other figure has, and keep the results."""
+        task = self.jobs[0].task
+        jobs = [job for job in self.jobs if not files.borrow(job.path, task, job.seed)]
+        if not jobs:
+            return
+        start = time.monotonic()
+        runs = task.learn_together([job.seed for job in jobs], count_episode)
+        seconds = (time.monotonic() - start) / len(jobs)
+        for job, executions in zip(jobs, runs, strict=True):
+            files.write(job.path, task, job.seed, executions, seconds)
+
+
+@dataclass(frozen=True)
 class Training:
     """One advisor to train."""
 
@@ -79,6 +98,15 @@ def missing(figures: Iterable[Figure], results: Path) -> list[Job]:
     return sorted(jobs, key=lambda job: job.seed)
 
 
+def batched(jobs: list[Job]) -> list[Job | Batch]:
+    """The same; those whose task can play many seeds at once are together, where the first of them was."""
+    groups: dict[Any, list[Job]] = {}
+    for job in jobs:
+        alone = not hasattr(job.task, "learn_together")
+        groups.setdefault(job.path if alone else (job.path.parent, repr(job.task)), []).append(job)
+    return [Batch(tuple(group)) if hasattr(group[0].task, "learn_together") else group[0] for group in groups.values()]
+
+
 def untrained(jobs: Iterable[Job], steps: int | None) -> list[Training]:
     """The advisors that these runs need and that are not there."""
     wanted = dict.fromkeys((name, job.saves) for job in jobs for name in job.task.advisors)
@@ -90,7 +118,7 @@ def play(figures: Iterable[Figure], results: Path, processes: int, advisor_steps
     jobs = missing(figures, results)
     with _pool(processes) as (pool, played), _bar(jobs) as bar:
         failed = _all(pool, untrained(jobs, advisor_steps), bar, lambda: 0)
-        return failed or _all(pool, jobs, bar, lambda: played.value)
+        return failed or _all(pool, batched(jobs), bar, lambda: played.value)
 
 
 def count_episode() -> None:
@@ -100,19 +128,19 @@ def count_episode() -> None:
             _played.value += 1
 
 
-def _all(pool: ProcessPoolExecutor, jobs: list[Any], bar: tqdm[Any], count: Callable[[], int]) -> list[str]:
+def _all(pool: ProcessPoolExecutor, jobs: Sequence[Any], bar: tqdm[Any], count: Callable[[], int]) -> list[str]:
     """Run the jobs; what failed."""
     futures = {pool.submit(_run, job): job for job in jobs}
     left: set[Future[str]] = set(futures)
     while left:
         done, left = wait(left, timeout=1)
-        bar.set_postfix_str(f"{len(left)} of {len(jobs)} {type(jobs[0]).__name__.lower()}s left", refresh=False)
+        bar.set_postfix_str(f"{len(left)} of {len(jobs)} left", refresh=False)
         bar.update(count() - bar.n)
         bar.refresh() if done else None
     return [text for future in futures if (text := future.result())]
 
 
-def _run(job: Job | Training) -> str:
+def _run(job: Job | Batch | Training) -> str:
     """In a process of the pool: the traceback, or nothing."""
     try:
         job.run()

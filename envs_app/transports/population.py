@@ -125,7 +125,10 @@ class Population(Generic[E]):
     def _may_launch(self, claim: Message) -> bool:
         self._check_failures(claim["agent"])
         live = [e for e in self.of_agent(claim["agent"]) if e.stop_reason != PARENT_GONE]
-        return len(live) < claim["max_executions"] and len(self.by_uid) < self.most
+        return len(live) < claim["max_executions"] and self._has_room()
+
+    def _has_room(self) -> bool:
+        return len(self.by_uid) < self.most
 
     def _reclaimable(self, mates: list[E]) -> E | None:
         """One with a session that has been silent for too long; it decides itself whether that one loses its place."""

@@ -30,9 +30,14 @@ class InLockstep:
 
     def learn(self, seed: int, saves: Path, on_episode: Callable[[], None]) -> list[Episodes]:
         """One run of one team, until the slowest has its episodes; cut to these."""
+        return self.learn_together([seed], on_episode)[0]
+
+    def learn_together(self, seeds: list[int], on_episode: Callable[[], None]) -> list[list[Episodes]]:
+        """A run for each seed, in half the time. Numbers of one are drawn between those of the others: see Teams."""
         spec = AgentSpec("PPO", 0, 0, **{"advice_method": "intersection"} | self.agent)
         settings = Settings(**self.parameters)
         rules = Rules(self.environment, self.clients, spec.mixing(), spec.advisors, spec.rho, settings)
-        teams = Teams(rules, [seed])
+        teams = Teams(rules, seeds)
         teams.play(self.episodes, on_episode)
-        return [log[: self.episodes] for log in teams.episodes]
+        logs = [log[: self.episodes] for log in teams.episodes]
+        return [logs[first : first + self.clients] for first in range(0, len(logs), self.clients)]

@@ -10,7 +10,7 @@ import itertools
 import os
 import time
 import uuid
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from typing import Any
 
@@ -21,6 +21,7 @@ from envs_app.errors import NoCapacity
 from envs_app.messages import Message, unpack
 from envs_app.transports.base import Address, Away, Claim, Transport
 from envs_app.transports.redis import keys, scripts
+from envs_app.transports.redis.crowds import Crowds
 from envs_app.transports.redis.machines import Room
 from envs_app.transports.redis.queues import queue_of
 from envs_app.transports.redis.shared import End, Fleet, RedisExecution, Shared
@@ -35,17 +36,18 @@ class RedisTransport(Transport):
 
     def __init__(self, url: str = "") -> None:
         self.wire = Wire(url or settings.REDIS_URL)
-        self.shared, self.room = Shared(self.wire), Room(self.wire)
+        self.shared, self.room, self.crowds = Shared(self.wire), Room(self.wire), Crowds()
         self._name = f"{uuid.uuid4().hex[:12]}-{os.getpid()}"
         self._calls = itertools.count()
 
     def acquire(self, claim: Claim, exclude: Iterable[str] = ()) -> Address | None:
         """By the same rules as everywhere, on what Redis knows."""
+        self.crowds.refuse(claim)
         self._refuse_while_settling()
-        room, excluded = self.room.left(), list(exclude)
+        excluded = list(exclude)
 
         def choose(fleet: Fleet) -> str | None:
-            execution = self._find(fleet, claim, excluded, room)
+            execution = self._find(fleet, claim, excluded, self.room.left)
             return execution.uid if execution else None
 
         uid = self.shared.edit(claim.agent, choose, claim.session)
@@ -59,7 +61,7 @@ class RedisTransport(Transport):
         launched = self._announce(spec, queue)
 
         def choose(fleet: Fleet) -> str:
-            execution = self._find(fleet, claim, excluded, room) or _launched(fleet, spec)
+            execution = self._find(fleet, claim, excluded, lambda: room) or _launched(fleet, spec)
             execution.gives(claim.session, fleet.now)
             return execution.uid
 
@@ -165,9 +167,13 @@ class RedisTransport(Transport):
         return message
 
     # --- finding ---
-    def _find(self, fleet: Fleet, claim: Claim, exclude: list[str], room: int) -> RedisExecution | None:
-        fleet.most = len(fleet.by_uid) + room
-        execution = fleet.find(asdict(claim), exclude)
+    def _find(self, fleet: Fleet, claim: Claim, exclude: list[str], room: Callable[[], int]) -> RedisExecution | None:
+        fleet.room = room
+        try:
+            execution = fleet.find(asdict(claim), exclude)
+        except NoCapacity:
+            self.crowds.note(fleet, claim.run)
+            raise
         if execution is not None:
             execution.gives(claim.session, fleet.now)
         return execution

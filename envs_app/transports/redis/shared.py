@@ -11,8 +11,10 @@ Times are Redis's own, in seconds, so that the clocks of machines do not matter.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from threading import Lock
 from typing import Any, TypeVar
 
 import msgpack
@@ -29,6 +31,7 @@ DECIDED = (
     "crowded_at",
 )
 SAID = ("number", "run", "sessions_allowed", "reclaim_seconds", "state", "saves_answered", "status", "started")
+STRIPES, TURN_SECONDS = 64, 0.1  # of locks by agent
 TRIES = 100  # of a compare-and-set; each fails only because somebody else's succeeded
 
 T = TypeVar("T")
@@ -55,8 +58,12 @@ class Fleet(Population[RedisExecution]):
     """An agent's executions as they stand at one moment of Redis's time."""
 
     def __init__(self, agent: str, now: float) -> None:
-        super().__init__(most=2**31, clock=lambda: now)
+        super().__init__(most=0, clock=lambda: now)
         self.agent, self.now, self.raw = agent, now, b""
+        self.room: Callable[[], int] = lambda: 0  # how many more the machines take: asked only where it matters
+
+    def _has_room(self) -> bool:
+        return self.room() > 0
 
     def pack(self) -> bytes:
         """What was decided, for Redis."""
@@ -110,6 +117,7 @@ class Shared:
 
     def __init__(self, wire: Wire) -> None:
         self.wire = wire
+        self._turns = [Lock() for _ in range(STRIPES)]
 
     def load(self, agent: str, session: int | None = None) -> Fleet:
         """The agent's executions; with a session, also which of them had it last. Raises Unreachable."""
@@ -126,6 +134,21 @@ class Shared:
 
     def edit(self, agent: str, change: Callable[[Fleet], T], session: int | None = None) -> T:
         """Change what is decided of an agent, by compare-and-set. What `change` raises is raised after it is written."""
+        with self._turn(agent):
+            return self._edit(agent, change, session)
+
+    @contextmanager
+    def _turn(self, agent: str) -> Iterator[None]:
+        """Threads of one process queue, as all but one would edit in vain; but not for long, as Redis may be away."""
+        lock = self._turns[hash(agent) % STRIPES]
+        mine = lock.acquire(timeout=TURN_SECONDS)
+        try:
+            yield
+        finally:
+            if mine:
+                lock.release()
+
+    def _edit(self, agent: str, change: Callable[[Fleet], T], session: int | None) -> T:
         for _ in range(TRIES):
             fleet, error = self.load(agent, session), None
             try:

@@ -43,7 +43,8 @@ log = logging.getLogger("shepherd.worker")
 def execute(order: dict[str, Any]) -> None:
     """The life of an execution, in a forked child."""
     from envs_app.execution.worker import ExecutionSpec
-    from envs_app.transports.redis.child import Place, RedisChild
+    from envs_app.transports.redis.child import RedisChild
+    from envs_app.transports.redis.condition import Place
 
     parent = os.getppid()
     die_with_parent(parent)
