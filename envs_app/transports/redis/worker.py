@@ -12,6 +12,7 @@ import logging
 import os
 import re
 import signal
+import socket
 import time
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from typing import Any
 import setproctitle
 from billiard.exceptions import WorkerLostError
 from celery import bootsteps
-from celery.signals import task_failure
+from celery.signals import task_failure, worker_process_init
 from celery.worker import state as celery_state
 from celery.worker.components import Pool
 from django.conf import settings
@@ -178,4 +179,27 @@ def prepare(worker: Any) -> None:
     from envs_app.transports.warmth import warm_up
 
     warm_up()
+    worker_process_init.connect(let_go_of_connections, weak=False)
     worker.app.steps["worker"].add(Machine)
+
+
+def let_go_of_connections(**_: Any) -> None:
+    """In a child of the pool: the main process's connections are not its own.
+
+    While a child has them open, Redis does not see that the main process was killed, and hands the next task to the dead. What
+    takes their place keeps their numbers: objects that were inherited, too, will close them one day.
+    """
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for number in [int(path.name) for path in Path("/proc/self/fd").iterdir()]:
+        if _is_connection(number):
+            os.dup2(nothing, number)
+    os.close(nothing)
+
+
+def _is_connection(number: int) -> bool:
+    """Whether a descriptor is a stream to somewhere; those of the pool's own pipes have no name."""
+    try:
+        with socket.socket(fileno=os.dup(number)) as found:
+            return found.type == socket.SOCK_STREAM and bool(found.getpeername())
+    except OSError:
+        return False

@@ -40,6 +40,25 @@ def test_clients_survive_the_death_of_a_worker(own: Scaled, agent: Agent) -> Non
         wait_for(lambda: not any(orphan.is_running() for orphan in orphans), 10, "the executions' processes to end")
 
 
+def test_children_hold_no_connection_of_their_worker(own: Scaled, agent: Agent) -> None:
+    """Else Redis would hand tasks to a worker that was killed, for as long as one of its children lives."""
+    identity, key = agent("killed")
+    with playing(own, key) as players:
+        first = {execution["pid"] for execution in executions_of(own, identity)}
+        for pid in first:
+            os.kill(pid, signal.SIGKILL)
+        players.play_on()
+        wait_for(lambda: first.isdisjoint(own.execution_pids()), what="other executions")
+        for worker in (psutil.Process(own.part(name)) for name in ("worker1", "worker2")):
+            wait_for(lambda worker=worker: connections(worker), what="a worker that was started again")
+            assert not [child for child in worker.children() if connections(worker) & connections(child)]
+
+
+def connections(process: psutil.Process) -> set[tuple[str, int]]:
+    """Their own ends, which are unlike those of any other connection."""
+    return {connection.laddr for connection in process.net_connections("tcp") if connection.raddr}
+
+
 def test_clients_survive_the_loss_of_a_worker_with_all_its_executions(own: Scaled, agent: Agent) -> None:
     """Nobody is left who could say that they are dead, but that their connections are."""
     with playing(own, agent("killed")[1]) as players:
