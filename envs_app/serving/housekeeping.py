@@ -51,6 +51,8 @@ class Housekeeper:
             self._report(error)
 
     def _report(self, error: Exception) -> None:
+        if self.interval == HURRIED_INTERVAL and isinstance(error, OSError):
+            return  # the executions' parent has ended, as it shall
         text, now = repr(error), time.monotonic()
         if now - self.logged.get(text, -SAME_ERROR_SECONDS) >= SAME_ERROR_SECONDS:
             self.logged = {text: now}
