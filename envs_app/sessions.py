@@ -34,8 +34,8 @@ from envs_app.transports.base import Address, Away
 from envs_app.transports.choice import get_transport
 
 TRIES = 4  # executions that a step may find lost or busy before the client is asked to repeat it
-SOON_SECONDS = 0.6  # a wait for capacity that is shorter than the client's would be; within a second it hears something
-PAUSE_SECONDS = 0.05
+SOON_SECONDS = 0.7  # a wait for capacity that is shorter than the client's would be; within a second it hears something
+PAUSE_SECONDS, LONG_PAUSE_SECONDS = 0.05, 0.1  # between two looks: those at the end of a queue look less often
 ACTIVITY_EVERY = timedelta(minutes=1)
 
 _writer = threading.Lock()
@@ -171,8 +171,8 @@ def _find_execution(handle: Handle, refused: list[str], waits: bool = True) -> A
             return transport.acquire(claim, refused) or record_launch(transport, claim, refused)
         except NoCapacity as error:
             soon = error.retry_after or 1.0
-            pause = max(pause, soon / 2)  # those at the end of the queue ask less often
-            if soon >= 1.0 or time.monotonic() + pause > deadline:
+            pause = min(max(pause, soon / 2), LONG_PAUSE_SECONDS)
+            if soon >= 1.0 or time.monotonic() > deadline:
                 raise
         except OSError as error:
             if time.monotonic() > deadline:
