@@ -1,7 +1,7 @@
 """The web process's side of the Redis transport.
 
 One hop each way: a step is pushed onto its execution's inbox, and its answer popped from a list of its own, by blocking pops; the
-two commands travel in one packet. Nothing is polled: who hears nothing for some seconds looks whether an answer may yet come.
+two commands travel in one packet. Nothing is polled: who hears nothing for a moment looks whether an answer may yet come.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from envs_app.transports.redis.queues import queue_of
 from envs_app.transports.redis.shared import End, Fleet, RedisExecution, Shared
 from envs_app.transports.redis.wire import COMMAND_SECONDS, Wire
 
-LOOK_SECONDS = 0.5  # who hears nothing for so long looks whether an answer may yet come
+LOOK_SECONDS = 0.25  # who hears nothing for so long looks whether an answer may yet come
 EVENTS_AT_ONCE = 500
 
 

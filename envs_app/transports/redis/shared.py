@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from threading import Lock
+from threading import RLock
 from typing import Any, TypeVar
 
 import msgpack
@@ -117,7 +117,7 @@ class Shared:
 
     def __init__(self, wire: Wire) -> None:
         self.wire = wire
-        self._turns = [Lock() for _ in range(STRIPES)]
+        self._turns = [RLock() for _ in range(STRIPES)]
 
     def load(self, agent: str, session: int | None = None) -> Fleet:
         """The agent's executions; with a session, also which of them had it last. Raises Unreachable."""
@@ -139,7 +139,7 @@ class Shared:
 
     @contextmanager
     def _turn(self, agent: str) -> Iterator[None]:
-        """Threads of one process queue, as all but one would edit in vain; but not for long, as Redis may be away."""
+        """Threads of one process queue, as all but one would work in vain; but not for long, as Redis may be away."""
         lock = self._turns[hash(agent) % STRIPES]
         mine = lock.acquire(timeout=TURN_SECONDS)
         try:
@@ -186,6 +186,10 @@ class Shared:
 
     def bury_cut_off(self, agent: str) -> None:
         """Bury the executions of an agent whose processes were killed. Raises Unreachable."""
+        with self._turn(agent):  # all who wait for them come at once, and one can do it for all
+            self._bury_cut_off(agent)
+
+    def _bury_cut_off(self, agent: str) -> None:
         names = [keys.executions(agent), keys.lease(""), keys.alive("")]
         raw, uids = self.wire.ask(("HGETALL", names[0]), scripts.script(scripts.CUT_OFF, names))
         said = said_by(raw)
