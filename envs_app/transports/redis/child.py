@@ -22,7 +22,7 @@ import numpy as np
 from envs_app.execution.storage import Storage
 from envs_app.execution.worker import ExecutionSpec
 from envs_app.messages import Message
-from envs_app.transports.loop import STATUS_SECONDS, ExecutionLoop, is_step
+from envs_app.transports.loop import ExecutionLoop, is_step
 from envs_app.transports.population import PARENT_GONE
 from envs_app.transports.redis import keys
 from envs_app.transports.redis.bucket import pay
@@ -41,7 +41,7 @@ class RedisChild(ExecutionLoop):
     """An execution that listens at its inbox."""
 
     publish_seconds = 0.2  # the weights travel
-    heartbeat_seconds = STATUS_SECONDS
+    heartbeat_seconds = keys.LEASE / 3  # where nothing has changed: hundreds of idle ones must cost next to nothing
     peers: RedisPeers
     ledger: RedisLedger
 
