@@ -22,15 +22,14 @@ class Crowds:
 
     def note(self, fleet: Fleet, run: int) -> None:
         """Somebody was refused; remember it if the queue has no room either."""
-        waiting = fleet.queues[run].asked
+        waiting, now = fleet.queues[run].asked, self._clock()
         if len(waiting) >= MOST:
             placed = (execution.active | execution.reserved.keys() for execution in fleet.by_uid.values())
-            self._full[run] = self._clock() + KEPT_SECONDS, frozenset(waiting).union(*placed)
+            lately = {other: full for other, full in self._full.items() if now < full[0]}
+            self._full = lately | {run: (now + KEPT_SECONDS, frozenset(waiting).union(*placed))}
 
     def refuse(self, claim: Claim) -> None:
         """Raises NoCapacity where a look would find that the session cannot even wait."""
         until, known = self._full.get(claim.run, (0.0, frozenset()))
-        if self._clock() >= until:
-            self._full.pop(claim.run, None)
-        elif claim.session not in known:
+        if self._clock() < until and claim.session not in known:
             raise NoCapacity("All executions of the agent are in use; repeat the step later.", LONGEST_PAUSE)
