@@ -42,8 +42,11 @@ def found(figure: Figure, results: Path) -> str:
     if not any(counts):
         return "no runs yet."
     wanted = _span([figure.runs_of(panel) for panel in figure.panels])
-    said = [_say(claim, _compare(figure, claim, results)) for claim in figure.claims]
+    seen = [(claim, _compare(figure, claim, results)) for claim in figure.claims]
+    said = [_say(claim, comparison) for claim, comparison in seen if comparison.enough]
     said += [say(figure, level, results) for level in figure.levels]
+    if lacking := sum(not comparison.enough for _, comparison in seen):
+        said += [f"of {lacking} other claims there are too few runs"]
     return f"{'; '.join(said)} ({_span(counts)} of {wanted} runs per curve so far)."
 
 
@@ -97,13 +100,18 @@ def _compare(figure: Figure, claim: Claim, results: Path) -> Comparison:
 
 
 def _say(claim: Claim, seen: Comparison) -> str:
-    text = f"{claim.panel}, {claim.better} {'as' if claim.same else 'above'} {claim.worse}: {seen.verdict(claim)}"
-    return f"{text} ({seen.difference:+.0f}, p = {seen.welch:.2g})" if seen.enough else text
+    when = f", episodes {_episodes(claim)}" if claim.last or claim.first else ""
+    text = f"{claim.panel}, {claim.better} {'as' if claim.same else 'above'} {claim.worse}{when}: {seen.verdict(claim)}"
+    return f"{text} ({seen.difference:+.0f}, p = {seen.welch:.2g})"
+
+
+def _episodes(claim: Claim) -> str:
+    return f"{claim.first} to {claim.last or 'the last'}"
 
 
 def _claim_row(figure: Figure, claim: Claim, results: Path) -> str:
     seen = _compare(figure, claim, results)
-    episodes = f"{claim.first} to {claim.last}" if claim.last or claim.first else "all"
+    episodes = _episodes(claim) if claim.last or claim.first else "all"
     cells = [f"{claim.panel}: {claim.better} {'=' if claim.same else '>'} {claim.worse}", episodes]
     if seen.enough:
         cells += [f"{seen.difference:+.1f} ({seen.low:.1f} to {seen.high:.1f})"]

@@ -47,6 +47,12 @@ def tuned(clients: int, how: tuple[str, str]) -> InLockstep:
     return replace(in_lockstep(clients, how), episodes=UNTIL_GOOD[clients], parameters=ZOO)
 
 
+REMARK = (
+    "Through the server nothing has been played yet. With the settings of the RL Zoo the mean of all eight runs (50 episodes "
+    "each) reaches 200 at episode 1684 with one execution, and at episode 1159 with four: 0.69 times as many, where half were "
+    "wanted. Until 1200 episodes the gain does not fade. Each of four executions learns from its own steps alone; what it hears "
+    "is advice. One execution learns faster per episode with the defaults (2048 steps, ten epochs), but its runs differ more."
+)
 FIGURE = Figure(
     number="5.19",
     title="PPO, executions that advise each other",
@@ -69,4 +75,5 @@ FIGURE = Figure(
         *(Claim(TUNED, FOUR, ALONE, first, first + 200) for first in (200, 400, 600, 800, 1000)),
     ),
     runs=8,
+    remark=REMARK,
 )
