@@ -23,18 +23,19 @@ def path_of(figure: Figure, results: Path) -> Path:
 
 def draw(figure: Figure, results: Path) -> None:
     """Draw what there is so far, if there is anything."""
-    if not any(len(read_curve(results, figure, panel, name)) for panel in figure.panels for name in panel.curves):
+    panels = [it for it in figure.panels if any(len(read_curve(results, figure, it, name)) for name in it.curves)]
+    if not panels:
         return
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    columns = min(COLUMNS, len(figure.panels))
-    rows = -(-len(figure.panels) // columns)
+    columns = min(COLUMNS, len(panels))
+    rows = -(-len(panels) // columns)
     size = (4.8 * columns, 3.8 * rows)
     drawing, axes = pyplot.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False)
-    for axis, panel in zip_longest(axes.flat, figure.panels):
+    for axis, panel in zip_longest(axes.flat, panels):
         _draw_panel(axis, figure, panel, results) if panel else axis.set_axis_off()
     path = path_of(figure, results)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -51,7 +52,7 @@ def _draw_panel(axis: Any, figure: Figure, panel: Panel, results: Path) -> None:
             _draw_advisor(axis, advisor_return(results / "advisors", advisor))
     for level in (it for it in figure.levels if it.panel == panel.title):
         axis.plot([0, level.by or panel.curves[level.curve].episodes], [level.known] * 2, "k:", lw=1)
-    axis.set_title(panel.title)
+    axis.set_title(panel.title, fontsize=10)
     axis.set_xlabel("episode")
     axis.set_ylabel(f"return, mean of {panel.window} episodes")
     if axis.get_legend_handles_labels()[0]:
