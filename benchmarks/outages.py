@@ -73,10 +73,14 @@ def pause(server: Scaled, steppers: list[Stepper], part: Part) -> float:
 
 
 def wait_until_steady(server: Scaled, steppers: list[Stepper]) -> None:
-    """Until all parts serve and every client had twenty more answers."""
+    """Until all parts serve, it is known who lives, and every client had twenty more answers.
+
+    For 4.5 s after Redis lost its memory nothing new is launched: who is killed then waits for the rest of that.
+    """
     time.sleep(1.0)  # until a death is seen
     room, parts = Room(Wire(server.redis.url)), ("worker1", "worker2")
     wait_for(lambda: {_pid(server, name) for name in parts} <= pids(room), what="the workers")
+    wait_for(room.settled, what="all executions to have spoken")
     goals = [len(stepper.answered) + 20 for stepper in steppers]
     wait_for(lambda: all(len(s.answered) >= goal for s, goal in zip(steppers, goals, strict=True)), what="answers")
 

@@ -14,16 +14,36 @@ from typing import Any
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "shepherd.settings")
 
 from celery import Celery
+from celery.app.amqp import AMQP
 from celery.signals import setup_logging, worker_init
 from django.conf import settings
-from kombu import Exchange, Queue
+from kombu import Connection, Exchange, Queue
 
 from envs_app.serving.housekeeping import Housekeeper
 from envs_app.transports.redis.queues import QUEUES
 
 HOUSEKEEPING = "housekeeping"
 
-app = Celery("shepherd", broker=settings.REDIS_URL)
+
+class Broker(Connection):
+    """Is there again soon after Redis is: Celery itself waits for 2, 4, up to 30 seconds between two attempts, all of which a
+    client waits whose execution is to begin."""
+
+    FIRST, MORE, LONGEST = 0.1, 0.1, 1.0  # seconds
+
+    def ensure_connection(self, *args: Any, **options: Any) -> Connection:
+        """Try until there is a connection, as `kombu.Connection` does."""
+        pauses = {"interval_start": self.FIRST, "interval_step": self.MORE, "interval_max": self.LONGEST}
+        return super().ensure_connection(*args, **pauses | options)
+
+
+class Messages(AMQP):
+    """What Celery sends and receives, by our connection."""
+
+    Connection = Broker
+
+
+app = Celery("shepherd", broker=settings.REDIS_URL, amqp=Messages)
 app.conf.update(
     # A task is an execution and lives for hours: acknowledged as it begins, never handed out twice, none held back for later.
     task_acks_late=False,

@@ -13,7 +13,8 @@ from experiments.over_http import OverHTTP
 LANDER = "LunarLander-v3"
 EPISODES_SERVED, EPISODES = 400, 600
 UNTIL_GOOD = {1: 2000, 4: 1200}  # episodes until the mean of 200, with the settings that bring the most
-SERVER, PROCESS = "Lunar Lander, through the server", "Lunar Lander, in one process"
+SERVER = "Lunar Lander, through the server, settings of the RL Zoo"
+PROCESS = "Lunar Lander, in one process"
 TUNED = "Lunar Lander, in one process, settings of the RL Zoo"
 # rl-baselines3-zoo, hyperparams/ppo.yml, LunarLander-v3; there with 16 environments, here with one.
 ZOO: dict[str, Any] = {"n_steps": 1024, "n_epochs": 4, "gamma": 0.999, "gae_lambda": 0.98, "ent_coef": 0.01}
@@ -31,9 +32,9 @@ CURVES: dict[str, tuple[int, tuple[str, str]]] = {
 
 
 def over_http(clients: int, how: tuple[str, str]) -> OverHTTP:
-    """A client for each execution."""
+    """A client for each execution; the settings with which the gain lasts."""
     agent: dict[str, Any] = dict(zip(("advice", "advisors"), how, strict=True))
-    return OverHTTP(LANDER, EPISODES_SERVED, clients, agent=agent)
+    return OverHTTP(LANDER, EPISODES_SERVED, clients, parameters=ZOO, agent=agent)
 
 
 def in_lockstep(clients: int, how: tuple[str, str]) -> InLockstep:
