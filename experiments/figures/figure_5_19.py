@@ -24,9 +24,9 @@ THESIS = ("intersection", "random")  # its own method; the learning correction i
 POOLED = ("geometric", "all")  # docs/adr/0006
 CURVES: dict[str, tuple[int, tuple[str, str]]] = {
     ALONE: (1, THESIS),
-    FOUR_MEAN: (4, POOLED),
     FOUR: (4, THESIS),
     TWO: (2, THESIS),
+    FOUR_MEAN: (4, POOLED),
     TWO_MEAN: (2, POOLED),
 }
 
