@@ -8,6 +8,8 @@ from typing import Any
 
 from benchmarks.histories import SAC
 from experiments.advisors import LANDER, OURS
+from experiments.curves import LANDER as ADVISED_LANDER
+from experiments.curves import POLICY_GRADIENT, advised
 from experiments.figure import Figure, Level, Panel
 from experiments.in_process import InProcess
 
@@ -18,7 +20,8 @@ MOON, CONTINUOUS, BDPI_MOON, ROOMS = (
     "Lunar Lander, BDPI",
     "Five Rooms 29x27",
 )
-PPO_NAME, SAC_NAME, BDPI_NAME = "PPO", "SAC", "BDPI"
+ADVISED_MOON = "Lunar Lander, advised"
+PPO_NAME, SAC_NAME, BDPI_NAME, PG_NAME = "PPO", "SAC", "BDPI", "Policy Gradient, PI with LC"
 MARK, AUTHORS = "Gymnasium's mark of a solved task", "its authors"
 NORMALISED = {"normalize_observations": True}
 SMALL_BDPI: dict[str, Any] = {"net_arch": "32", "batch_size": 64, "learning_rate": 1e-3, "train_freq": 4}
@@ -49,6 +52,7 @@ FIGURE = Figure(
         panel(MOON, PPO_NAME, InProcess("LunarLander-v3", 1200, "PPO", LANDER | NORMALISED)),
         panel(CONTINUOUS, PPO_NAME, InProcess("LunarLanderContinuous-v3", 1000, "PPO", NORMALISED)),
         panel(BDPI_MOON, BDPI_NAME, InProcess("LunarLander-v3", 1000, "BDPI", SMALL_BDPI)),
+        panel(ADVISED_MOON, PG_NAME, advised(ADVISED_LANDER, 2000, POLICY_GRADIENT, advice_method="intersection")),
         panel(ROOMS, BDPI_NAME, InProcess(f"{OURS}FiveRooms-29x27-v0", 200, "BDPI"), window=20),
     ),
     claims=(),
@@ -59,6 +63,9 @@ FIGURE = Figure(
         Level(CONTINUOUS, PPO_NAME, 200, MARK),
         Level(BDPI_MOON, BDPI_NAME, 150, AUTHORS, by=200, over=50),
         Level(BDPI_MOON, BDPI_NAME, 200, AUTHORS),
+        Level(ADVISED_MOON, PG_NAME, 230, "data of the thesis, its advisor 232", by=100),
+        Level(ADVISED_MOON, PG_NAME, 221, "data of the thesis", over=2000),
+        Level(ADVISED_MOON, PG_NAME, 248, "what our advisor earns itself"),
         Level(ROOMS, BDPI_NAME, 45, AUTHORS, over=50),
     ),
     remark=REMARK,
