@@ -52,7 +52,9 @@ FIGURE = Figure(
         panel(MOON, PPO_NAME, InProcess("LunarLander-v3", 1200, "PPO", LANDER | NORMALISED)),
         panel(CONTINUOUS, PPO_NAME, InProcess("LunarLanderContinuous-v3", 1000, "PPO", NORMALISED)),
         panel(BDPI_MOON, BDPI_NAME, InProcess("LunarLander-v3", 1000, "BDPI", SMALL_BDPI)),
-        panel(ADVISED_MOON, PG_NAME, advised(ADVISED_LANDER, 2000, POLICY_GRADIENT, advice_method="intersection"), runs=4),
+        panel(
+            ADVISED_MOON, PG_NAME, advised(ADVISED_LANDER, 2000, POLICY_GRADIENT, advice_method="intersection"), runs=4
+        ),
         panel(ROOMS, BDPI_NAME, InProcess(f"{OURS}FiveRooms-29x27-v0", 200, "BDPI"), window=20),
     ),
     claims=(),

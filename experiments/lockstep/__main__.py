@@ -1,18 +1,20 @@
 """What a way of mixing brings: the mean return per 100 episodes together, and what each learner then earns alone.
 
-python -m experiments.lockstep --size 4 --seeds 200 201 --episodes 220 advice_method=geometric advisors=all
+python -m experiments.lockstep --size 4 --seeds 200 201 --episodes 220 advice_method=geometric advisors=all n_epochs=4
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 import torch as th
 
 from agents_app.algorithms.spec import AgentSpec
+from experiments.lockstep.ppo import Settings
 from experiments.lockstep.teams import Rules, Teams
 
 ALONE = 4  # episodes of each learner
@@ -25,12 +27,13 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=4, help="learners of a team")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="of the teams")
     parser.add_argument("--episodes", type=int, default=300, help="of each learner, 100 at least")
-    parser.add_argument("fields", nargs="*", metavar="FIELD=VALUE", help="of AgentSpec")
+    parser.add_argument("fields", nargs="*", metavar="FIELD=VALUE", help="of AgentSpec, or a parameter of PPO")
     options = parser.parse_args()
     given = dict(field(text) for text in options.fields)
+    settings = Settings(**{it.name: given.pop(it.name) for it in fields(Settings) if it.name in given})
     spec = AgentSpec("PPO", 0, 0, **{"advice_method": "intersection"} | given)
     th.set_num_threads(1)
-    rules = Rules(options.environment, options.size, spec.mixing(), spec.advisors, spec.rho)
+    rules = Rules(options.environment, options.size, spec.mixing(), spec.advisors, spec.rho, settings)
     teams = Teams(rules, options.seeds)
     teams.play(options.episodes)
     print(together(teams, options.episodes), f"alone {teams.returns_alone(ALONE).mean():.0f}")
