@@ -58,11 +58,11 @@ def best(clients: int, how: tuple[str, str]) -> InLockstep:
 
 REMARK = (
     "Through the server each client has an execution of its own, which hears one peer at each step, drawn at random, whether "
-    "there is one or there are three: two gain as much as four. Half as many episodes to a mean of 200 were wanted, and are not "
-    "reached: with the settings of the RL Zoo the mean of all eight runs (50 episodes each) is there at episode 1684 with one "
-    "execution and at 1159 with four (0.69 times as many), with ten epochs at 971 and 694 (0.71); a mean of 100 takes 555 and 332 "
-    "(0.60). The gain does not fade: no claim finds a later loss. Other ways of mixing, looked at with three teams each, bring no "
-    "more (docs/adr/0006). Each of four executions learns from its own steps alone; what it hears is advice."
+    "there is one or there are three: two gain as much as four. Half as many episodes to a mean of 200 were wanted, and are "
+    "not reached: with the settings of the RL Zoo the mean of all eight runs (50 episodes each) is there at episode 1684 with "
+    "one execution and at 1159 with four (0.69 times as many), with ten epochs at 971 and 694 (0.71); a mean of 100 takes 555 "
+    "and 332 (0.60). The gain does not fade: no claim finds a later loss. Other ways of mixing, looked at with three teams "
+    "each, bring no more (docs/adr/0006). Each of four executions learns from its own steps alone; what it hears is advice."
 )
 FIGURE = Figure(
     number="5.19",
