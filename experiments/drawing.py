@@ -12,7 +12,7 @@ from experiments.figure import Figure, Panel
 from experiments.results import advisor_return, read_curve
 from experiments.statistics import smooth
 
-COLUMNS = 4  # panels in a row
+COLUMNS = 3  # panels in a row, at most
 COLOURS = ("#777777", "#d95f02", "#1f77b4", "#1b9e77", "#7b3294", "#a6761d")
 
 
@@ -31,8 +31,8 @@ def draw(figure: Figure, results: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    columns = min(COLUMNS, len(panels))
-    rows = -(-len(panels) // columns)
+    rows = -(-len(panels) // COLUMNS)
+    columns = -(-len(panels) // rows)
     size = (4.8 * columns, 3.8 * rows)
     drawing, axes = pyplot.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False)
     for axis, panel in zip_longest(axes.flat, panels):
