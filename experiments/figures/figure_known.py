@@ -33,8 +33,8 @@ def panel(title: str, name: str, task: InProcess, runs: int = 2, window: int = 1
 
 
 REMARK = (
-    "Advised Policy Gradient earns about what its advisor does from the first episode on, and passes it here and there, and in the "
-    "last hundred episodes; between, single runs lose up to a hundred for a few hundred episodes, and recover. "
+    "Advised Policy Gradient earns about what its advisor does from the first episode on, and passes it in the last hundred "
+    "episodes, and here and there before; between, single runs lose up to a hundred for some hundred episodes, and recover. "
     "BDPI has not been played to its authors' figures, for want of time: at their settings a step takes 0.05 s of a core on "
     "Lunar Lander and 0.15 s on Five Rooms, and 200 episodes hours. Short looks, a seed each: on Lunar Lander their "
     "settings, but trained at every 8th step only, had -162 over episodes 151 to 200; ours here -15 over episodes 62 to "
