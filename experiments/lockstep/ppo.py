@@ -65,24 +65,30 @@ class PPO:
         self.networks, self.settings, self.mixing = networks, settings, mixing
         self._adam = th.optim.Adam(networks.parameters(), settings.learning_rate, eps=1e-5, fused=True)
 
-    def train(self, rollout: Rollout, gains: np.ndarray, rng: np.random.RandomState) -> None:
-        """All epochs. `gains`: the advantages, (T, L). Each learner draws its own minibatches."""
+    def train(
+        self, rollout: Rollout, gains: np.ndarray, rng: np.random.RandomState, learning: np.ndarray | None = None
+    ) -> None:
+        """All epochs. `gains`: the advantages, (T, L). Each learner draws its own minibatches.
+
+        `learning`, (L,): who learns; the others' rollouts mean nothing, and move them by no more than Adam's momentum. None: all.
+        """
         observations, actions, log_probs, advice, advantage, returns = (
             th.from_numpy(np.ascontiguousarray(part.swapaxes(0, 1)))
             for part in (*_needed(rollout), gains, gains + rollout.values)
         )
         learners, steps = actions.shape
         row = th.arange(learners)[:, None]
+        counts = th.ones(learners) if learning is None else th.from_numpy(learning.astype(np.float32))
         for _ in range(self.settings.n_epochs):
             order = th.from_numpy(np.stack([rng.permutation(steps) for _ in range(learners)]))
             for picked in order.split(self.settings.batch_size, dim=1):
                 parts = (part[row, picked] for part in (observations, actions, log_probs, advice, advantage, returns))
-                self._step(*parts)
+                self._step(counts, *parts)
 
-    def _step(self, *parts: th.Tensor) -> None:
+    def _step(self, counts: th.Tensor, *parts: th.Tensor) -> None:
         losses = self._losses(*parts)  # (L,)
         self._adam.zero_grad()
-        losses.sum().backward()
+        (losses * counts).sum().backward()
         _clip_gradients(self.networks.parameters(), self.settings.max_grad_norm)
         self._adam.step()
 

@@ -65,7 +65,8 @@ class Teams:
         while not all(len(log) >= episodes for log in self.episodes):
             rollout = self._rollout()
             last_values = self._values()
-            self.ppo.train(rollout, advantages(rollout, last_values, self._starts, self.rules.settings), self._rng)
+            gains = advantages(rollout, last_values, self._starts, self.rules.settings)
+            self.ppo.train(rollout, gains, self._rng, np.repeat(self._playing(), self.size))
 
     def returns_alone(self, episodes: int) -> np.ndarray:
         """What each learner earns by its own probabilities, without advice, (L, episodes); nothing is learned."""

@@ -55,6 +55,18 @@ def rollout_of(algorithm: StockPPO, learners: int) -> Rollout:
     return Rollout(*(np.repeat(part, learners, axis=1) for part in (buffer.observations, *parts, advice)))
 
 
+def test_who_waits_for_others_learns_nothing() -> None:
+    rollout, networks = rollout_of(stock(), 2), Networks(2, 4, 2)
+    before = [part.detach().clone() for part in networks.parameters()]
+    gains = advantages(rollout, np.zeros(2, np.float32), np.zeros(2, np.float32), SETTINGS)
+    PPO(networks, SETTINGS, Mixing()).train(rollout, gains, np.random.RandomState(0), np.array([True, False]))
+    moved = [
+        (part.detach() != old).flatten(1).any(1).tolist()
+        for part, old in zip(networks.parameters(), before, strict=True)
+    ]
+    assert moved == [[True, False]] * len(before)
+
+
 def test_an_update_is_that_of_stable_baselines3_for_each_learner() -> None:
     algorithm = stock()
     networks = Networks(2, 4, 2)
