@@ -80,6 +80,8 @@ class Ensemble(nn.Module):
         """`sizes`: of the input, the hidden layers and the output; `lookup`: inputs are whole numbers, (N, B)."""
         super().__init__()
         self.layers = nn.ParameterList(_begin(members, *pair) for pair in pairwise(sizes))
+        if lookup:
+            _begin_table(self.layers[0])
         self.sizes, self.lookup, self.softmax = list(sizes), lookup, softmax
 
     @th.no_grad()
@@ -178,13 +180,12 @@ class _Dense:
 
 
 class _Lookup:
-    """The first layer, of whole numbers: they look up their rows, as one-hot vectors would."""
+    """The first layer, of whole numbers: they look up their rows, as one-hot vectors would. The bias stays as it is."""
 
     def __init__(self, x: np.ndarray, weights: np.ndarray, gradient: np.ndarray) -> None:
         members, height, _ = weights.shape
         self._rows = (x + height * np.arange(members)[:, None]).reshape(-1)
         self._weights, self._gradient = weights, gradient
-        self._ones = np.ones((1, x.shape[1]), weights.dtype)
 
     def forward(self, out: np.ndarray) -> None:
         table = self._weights.reshape(-1, self._weights.shape[2])
@@ -194,7 +195,6 @@ class _Lookup:
     def set_gradient(self, slope: np.ndarray) -> None:
         table, rows = th.from_numpy(self._gradient).flatten(0, 1), th.from_numpy(self._rows)
         table.index_fill_(0, rows, 0.0).index_add_(0, rows, th.from_numpy(slope).flatten(0, 1))
-        np.matmul(self._ones, slope, out=self._gradient[:, -1:])
 
 
 def probabilities(logits: th.Tensor) -> th.Tensor:
@@ -206,6 +206,14 @@ def _begin(members: int, inputs: int, outputs: int) -> nn.Parameter:
     """A layer's weights and bias, (N, I + 1, O), as torch's own Linear begins."""
     bound = inputs**-0.5
     return nn.Parameter(th.empty(members, inputs + 1, outputs).uniform_(-bound, bound))
+
+
+@th.no_grad()
+def _begin_table(layer: th.Tensor) -> None:
+    """Rows to look up begin as if of one input, since one of them counts at a time; and without a bias, which would move all of
+    them together, so that what was never tried would look as bad as what was (docs/adr/0015).
+    """
+    nn.init.uniform_(layer, -1.0, 1.0)[:, -1] = 0.0
 
 
 def _multiply(x: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:

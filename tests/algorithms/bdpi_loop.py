@@ -28,6 +28,7 @@ def _network(ensemble: Ensemble, member: int) -> nn.Sequential:
         *weight, bias = stacked[member].detach()
         layer = nn.Linear(len(weight), len(bias), dtype=bias.dtype)
         layer.weight.data, layer.bias.data = th.stack(weight, 1), bias.clone()
+        layer.bias.requires_grad_(not (ensemble.lookup and not modules))  # a table has none
         modules += [layer, nn.Tanh()]
     return nn.Sequential(*modules[:-1])
 
