@@ -25,6 +25,7 @@ PPO_NAME, SAC_NAME, BDPI_NAME, PG_NAME = "PPO", "SAC", "BDPI", "Policy Gradient,
 MARK, AUTHORS = "Gymnasium's mark of a solved task", "its authors"
 NORMALISED = {"normalize_observations": True}
 SMALL_BDPI: dict[str, Any] = {"net_arch": "32", "batch_size": 64, "learning_rate": 1e-3, "train_freq": 4}
+ROOMS_BDPI: dict[str, Any] = {"net_arch": "64", "batch_size": 256, "learning_rate": 3e-4, "q_loops": 2, "alpha": 0.5}
 
 
 def panel(title: str, name: str, task: InProcess, runs: int = 2, window: int = 100) -> Panel:
@@ -57,7 +58,7 @@ FIGURE = Figure(
         panel(
             ADVISED_MOON, PG_NAME, advised(ADVISED_LANDER, 2000, POLICY_GRADIENT, advice_method="intersection"), runs=4
         ),
-        panel(ROOMS, BDPI_NAME, InProcess(f"{OURS}FiveRooms-29x27-v0", 200, "BDPI"), window=20),
+        panel(ROOMS, BDPI_NAME, InProcess(f"{OURS}FiveRooms-29x27-v0", 200, "BDPI", ROOMS_BDPI), window=20),
     ),
     claims=(),
     levels=(
