@@ -29,7 +29,6 @@ TICK = 0.2  # seconds
 ROTATE_SECONDS = 60.0
 START_FAILURES = 4  # deaths of one child before the first request could be answered
 EXECUTIONS_GRACE = 30.0  # the executions save
-ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}  # of NumPy in each process: executions share the cores among themselves
 
 
 @dataclass(frozen=True)
@@ -136,7 +135,7 @@ class Supervisor:
 
     def _start(self, child: Child) -> None:
         own = {"SHEPHERD_DATA": str(self.options.data)}
-        child.start(os.environ | ONE_THREAD | own, self.options.project)
+        child.start(os.environ | own, self.options.project)
         self._write_state()
 
     def _report_death(self, child: Child, code: int) -> None:

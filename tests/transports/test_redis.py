@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,6 +24,12 @@ from tests.transports.agents import Agent
 from tests.transports.contract import TransportContract
 from tests.transports.engines import Engine, ProcessEngine
 
+COUNT_THREADS = """
+import os, shepherd.celery, numpy
+square = numpy.ones((1000, 1000))
+square @ square
+print(len(os.listdir("/proc/self/task")))
+"""
 SLOTS = 64  # more than the tests leave running
 
 
@@ -153,3 +161,9 @@ class TestRedisTransport(TransportContract):
         saved, *_ = agent.wait_for_event("saved")
         assert (engine.saves / agent.id / str(agent.run) / saved["name"] / MODEL).is_file()
         assert not (engine.data / "saves").exists()
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) == 1, reason="with one core there is one thread in any case")
+def test_a_worker_multiplies_in_one_thread() -> None:
+    command = [sys.executable, "-c", COUNT_THREADS]
+    assert subprocess.run(command, check=True, capture_output=True, text=True).stdout == "1\n"
