@@ -10,6 +10,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from shepherd_client.spaces import spaces_of
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
 from agents_app.algorithms.advice import advised_space, with_advice
@@ -35,6 +36,9 @@ class InProcess:
     advisor: str = ""  # UNIFORM, or one of those of advisors.py
     scale: float = 1.0  # what the numbers of observations are multiplied with
     shift: float = 0.0  # what is added then
+    tried: int = (
+        0  # of the episodes, the last so many: the best actions of what was learned, neither explored nor learned from
+    )
 
     @property
     def advisors(self) -> tuple[str, ...]:
@@ -51,11 +55,23 @@ class InProcess:
             env = Advised(env, self._advise(env, saves))
         algorithm = build(spec_of(env, self.algorithm, self.parameters, **self.agent), env, seed)
         act_in_numpy(algorithm)
-        algorithm.learn(ENDLESS, callback=StopAfter(self.episodes, log, on_episode))
+        algorithm.learn(ENDLESS, callback=StopAfter(self.episodes - self.tried, log, on_episode))
+        for _ in range(self.tried):
+            try_out(algorithm, env)
+            on_episode()
         return [log.episodes]
 
     def _advise(self, env: gym.Env, saves: Path) -> Advise:
         return uniform(env.action_space) if self.advisor == UNIFORM else load(self.advisor, saves)
+
+
+def try_out(algorithm: BaseAlgorithm, env: gym.Env) -> None:
+    """One episode of the best actions that an algorithm knows."""
+    observation, over = env.reset()[0], False
+    while not over:
+        action, _ = algorithm.predict(observation, deterministic=True)
+        observation, _, terminated, truncated, _ = env.step(action)
+        over = terminated or truncated
 
 
 def spec_of(env: gym.Env, algorithm: str, parameters: dict[str, Any], **fields: Any) -> AgentSpec:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
+from agents_app.algorithms.builder import build
 from experiments import __main__ as command
 from experiments import advisors
 from experiments.advisors import ADVISORS, UNIFORM
 from experiments.figure import figure, numbers
-from experiments.in_process import Advised, InProcess, Scaled
+from experiments.in_process import Advised, InProcess, Scaled, spec_of, try_out
 from experiments.results import RESULTS, advisor_return, read_curve
 from experiments.runner import missing
 
@@ -131,3 +133,39 @@ def test_each_episode_is_told() -> None:
     told: list[int] = []
     InProcess("CartPole-v1", 4).learn(1, Path(), lambda: told.append(1))
     assert len(told) == 4
+
+
+def test_the_last_episodes_may_try_out_what_was_learned() -> None:
+    told: list[int] = []
+    (learned,) = InProcess("CartPole-v1", 5).learn(1, Path(), lambda: None)
+    (both,) = InProcess("CartPole-v1", 9, tried=4).learn(1, Path(), lambda: told.append(1))
+    assert both[:5] == learned
+    assert len(both) == len(told) == 9
+
+
+def test_what_is_tried_out_is_the_best_action_and_nothing_is_learned() -> None:
+    env = Acted(gym.make("CartPole-v1"))
+    algorithm = build(spec_of(env, "PPO", {}), env, 0)
+    try_out(algorithm, env)
+    assert env.actions == [algorithm.predict(obs, deterministic=True)[0] for obs in env.seen[:-1]]
+    assert algorithm.num_timesteps == 0
+
+
+class Acted(gym.Wrapper):
+    """Remembers what was seen and done."""
+
+    def __init__(self, env: gym.Env) -> None:
+        super().__init__(env)
+        self.seen: list[np.ndarray] = []
+        self.actions: list[int] = []
+
+    def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
+        obs, info = self.env.reset(**kwargs)
+        self.seen, self.actions = [obs], []
+        return obs, info
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        step = self.env.step(action)
+        self.seen.append(step[0])
+        self.actions.append(action)
+        return step
