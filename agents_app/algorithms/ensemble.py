@@ -17,7 +17,7 @@ import torch as th
 from torch import nn
 
 tanh_backward = th.ops.aten.tanh_backward.grad_input
-CACHE = 1_000_000  # bytes of hidden layers at a time, which stay in the second-level cache of most processors
+CACHE = 2**20  # bytes of hidden layers at a time, which stay in the second-level cache of most processors
 
 
 class StackedAdam(th.optim.Adam):
