@@ -23,6 +23,7 @@ MARK, AUTHORS = "Gymnasium's mark of a solved task", "its authors"
 TRIED = 100  # episodes
 NORMALISED = {"normalize_observations": True}
 BDPI: dict[str, Any] = {"n_critics": 16, "net_arch": "32", "batch_size": 256, "fit_steps": 20, "learning_rate": 1e-4}
+SMALL_BDPI: dict[str, Any] = {"net_arch": "32", "batch_size": 64, "learning_rate": 1e-3, "train_freq": 4}
 MOON_SAC: dict[str, Any] = {
     "learning_rate": 7.3e-4,
     "tau": 0.01,
@@ -62,7 +63,7 @@ FIGURE = Figure(
         panel(CONTINUOUS, PPO_NAME, InProcess("LunarLanderContinuous-v3", 1100, "PPO", NORMALISED, tried=TRIED)),
         panel(SAC_MOON, SAC_NAME, InProcess("LunarLanderContinuous-v3", 600, "SAC", MOON_SAC, tried=TRIED)),
         panel(BDPI_MOON, BDPI_NAME, InProcess("LunarLander-v3", 200, "BDPI", BDPI), window=50),
-        panel(LONG_MOON, BDPI_NAME, InProcess("LunarLander-v3", 1000, "BDPI", BDPI | {"train_freq": 4})),
+        panel(LONG_MOON, BDPI_NAME, InProcess("LunarLander-v3", 1000, "BDPI", SMALL_BDPI)),
         panel(
             ADVISED_MOON, PG_NAME, advised(ADVISED_LANDER, 2000, POLICY_GRADIENT, advice_method="intersection"), runs=4
         ),
