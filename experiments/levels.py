@@ -51,15 +51,23 @@ def learner(task: Any) -> str:
 
 
 def _row(figure: Figure, level: Level, results: Path) -> str:
-    ours, last = means(figure, level, results), _last(figure, level)
+    ours = means(figure, level, results)
     cells = [level.panel, learner(figure.panel(level.panel).curves[level.curve])]
-    cells += [f"{level.known:g} ({level.source})", f"{max(0, last - level.over) + 1} to {last}"]
+    cells += [f"{level.known:g} ({level.source})", _episodes(figure, level)]
     cells += [
         ", ".join(f"{mean:.0f}" for mean in ours),
         f"{ours.mean():.0f}" if len(ours) else "",
         verdict(level, ours),
     ]
     return "| " + " | ".join(cells) + " |"
+
+
+def _episodes(figure: Figure, level: Level) -> str:
+    """Which count, and whether they only try out what was learned."""
+    task, last = figure.panel(level.panel).curves[level.curve], _last(figure, level)
+    first = max(0, last - level.over)
+    tries = first >= task.episodes - getattr(task, "tried", 0)
+    return f"{first + 1} to {last}{', not exploring' if tries else ''}"
 
 
 def _last(figure: Figure, level: Level) -> int:

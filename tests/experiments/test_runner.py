@@ -22,6 +22,7 @@ class Counting:
     episodes: int
     height: float = 0.0
     fails: bool = False
+    tried: int = 0
     algorithm: str = "Counting"
     parameters: dict[str, int] = field(default_factory=dict)
 
@@ -167,6 +168,15 @@ def test_known_figures_are_compared_with_the_last_episodes_of_each_run(tmp_path:
     text = page.chapter(figure, tmp_path)
     assert "We: A panel, high, by episode 5: 55 where 54 is known, reached; " in text
     assert "(0 to 2 of 2 runs per curve so far)" in text and "claim" not in text
+
+
+def test_of_episodes_that_only_try_out_what_was_learned_the_table_says_so(tmp_path: Path) -> None:
+    panel = Panel("A panel", {"high": Counting(5, 50.0, tried=2)}, 2)
+    known = tuple(Level("A panel", "high", 54, "somebody", over=over) for over in (2, 3))
+    _, _, all_tried, partly, *_ = levels.level_table(
+        replace(FIGURE, panels=(panel,), claims=(), levels=known), tmp_path
+    )
+    assert "| 4 to 5, not exploring |" in all_tried and "| 3 to 5 |" in partly
 
 
 def test_a_page_without_all_runs_says_how_many_there_are(tmp_path: Path) -> None:
