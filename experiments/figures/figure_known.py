@@ -20,7 +20,7 @@ BDPI_MOON, LONG_MOON = "Lunar Lander, BDPI at each step", "Lunar Lander, BDPI at
 ADVISED_MOON = "Lunar Lander, advised"
 PPO_NAME, SAC_NAME, BDPI_NAME, PG_NAME = "PPO", "SAC", "BDPI", "Policy Gradient, PI with LC"
 FAR_NAME = "BDPI, gamma .995"
-MARK, AUTHORS = "Gymnasium's mark of a solved task", "its authors"
+MARK, AUTHORS, BY_1000 = "Gymnasium's mark of a solved task", "its authors", "its authors, by episode 1000"
 TRIED = 100  # episodes
 NORMALISED = {"normalize_observations": True}
 BDPI: dict[str, Any] = {"n_critics": 16, "net_arch": "32", "batch_size": 256, "fit_steps": 20, "learning_rate": 1e-4}
@@ -67,12 +67,12 @@ FIGURE = Figure(
         panel(MOON, PPO_NAME, InProcess("LunarLander-v3", 1200, "PPO", LANDER | NORMALISED)),
         panel(CONTINUOUS, PPO_NAME, InProcess("LunarLanderContinuous-v3", 1100, "PPO", NORMALISED, tried=TRIED)),
         panel(SAC_MOON, SAC_NAME, InProcess("LunarLanderContinuous-v3", 600, "SAC", MOON_SAC, tried=TRIED)),
-        panel(BDPI_MOON, BDPI_NAME, InProcess("LunarLander-v3", 200, "BDPI", BDPI), window=50),
+        panel(BDPI_MOON, BDPI_NAME, InProcess("LunarLander-v3", 260, "BDPI", BDPI), runs=1, window=50),
         Panel(LONG_MOON, LONG_BDPI, window=100, runs=1),
         panel(
             ADVISED_MOON, PG_NAME, advised(ADVISED_LANDER, 2000, POLICY_GRADIENT, advice_method="intersection"), runs=4
         ),
-        panel(ROOMS, BDPI_NAME, InProcess(f"{OURS}FiveRooms-29x27-v0", 200, "BDPI", ROOMS_BDPI), window=20),
+        panel(ROOMS, BDPI_NAME, InProcess(f"{OURS}FiveRooms-29x27-v0", 200, "BDPI", ROOMS_BDPI), runs=4, window=20),
     ),
     claims=(),
     levels=(
@@ -82,8 +82,9 @@ FIGURE = Figure(
         Level(CONTINUOUS, PPO_NAME, 200, MARK),
         Level(SAC_MOON, SAC_NAME, 200, MARK),
         Level(BDPI_MOON, BDPI_NAME, 150, AUTHORS, by=200, over=50),
-        Level(LONG_MOON, BDPI_NAME, 200, AUTHORS),
-        Level(LONG_MOON, FAR_NAME, 200, AUTHORS),
+        Level(BDPI_MOON, BDPI_NAME, 200, BY_1000),
+        Level(LONG_MOON, BDPI_NAME, 200, BY_1000),
+        Level(LONG_MOON, FAR_NAME, 200, BY_1000),
         Level(ADVISED_MOON, PG_NAME, 230, "data of the thesis, its advisor 232", by=100),
         Level(ADVISED_MOON, PG_NAME, 221, "data of the thesis", over=2000),
         Level(ADVISED_MOON, PG_NAME, 248, "what our advisor earns itself"),
