@@ -70,7 +70,7 @@ FIGURE = Figure(
         panel(MOON, PPO_NAME, InProcess("LunarLander-v3", 1200, "PPO", LANDER | NORMALISED)),
         panel(CONTINUOUS, PPO_NAME, InProcess("LunarLanderContinuous-v3", 1100, "PPO", NORMALISED, tried=TRIED)),
         panel(SAC_MOON, SAC_NAME, InProcess("LunarLanderContinuous-v3", 600, "SAC", MOON_SAC, tried=TRIED)),
-        panel(BDPI_MOON, BDPI_NAME, InProcess("LunarLander-v3", 260, "BDPI", BDPI), runs=1, window=50),
+        panel(BDPI_MOON, BDPI_NAME, InProcess("LunarLander-v3", 250, "BDPI", BDPI), runs=1, window=50),
         Panel(LONG_MOON, LONG_BDPI, window=100, runs=1),
         panel(
             ADVISED_MOON, PG_NAME, advised(ADVISED_LANDER, 2000, POLICY_GRADIENT, advice_method="intersection"), runs=4
