@@ -36,9 +36,7 @@ class InProcess:
     advisor: str = ""  # UNIFORM, or one of those of advisors.py
     scale: float = 1.0  # what the numbers of observations are multiplied with
     shift: float = 0.0  # what is added then
-    tried: int = (
-        0  # of the episodes, the last so many: the best actions of what was learned, neither explored nor learned from
-    )
+    tried: int = 0  # of the episodes, the last so many only try out what was learned: its best actions, nothing learned
 
     @property
     def advisors(self) -> tuple[str, ...]:
