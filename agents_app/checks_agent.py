@@ -52,6 +52,7 @@ def check_agent(agent: Agent) -> None:
     _check_observations(algorithm, observation_space)
     _check_policy(algorithm, observation_space, agent.policy)
     _check_advice(agent, algorithm, action_space)
+    _check_averaging(agent, algorithm)
     _check_masks(agent, algorithm, action_space)
     _check_features(agent, algorithm, action_space)
 
@@ -233,6 +234,15 @@ def _check_advice(agent: Agent, algorithm: Algorithm, space: spaces.Space) -> No
     if (agent.advice_method, agent.advice_form) == (mixing.SHAPING, mixing.DETERMINISTIC):
         sentence = "An order has no density to be rewarded by: write soft, or another advice method."
         raise ValidationError({"advice_form": sentence})
+
+
+def _check_averaging(agent: Agent, algorithm: Algorithm) -> None:
+    """Averages where the algorithm makes none. A new agent with such an algorithm begins without."""
+    unable = not get_row(algorithm.name).averages
+    if unable and agent._state.adding:
+        agent.averaging = False
+    elif unable and agent.averaging:
+        raise ValidationError({"averaging": f"{algorithm} learns at every step, not after many: write no."})
 
 
 def _check_advisor(agent: Agent, advisor: Agent) -> None:

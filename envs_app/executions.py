@@ -117,4 +117,5 @@ def agent_spec(agent: Agent, parameters: dict[str, Any]) -> AgentSpec:
         advice_weight=agent.advice_weight,
         advisors=agent.advisors,
         peers_advise=agent.peers_advise,
+        averaging=agent.averaging,
     )

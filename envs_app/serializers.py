@@ -146,7 +146,7 @@ class AgentSerializer(SessionAgentSerializer):
         model = Agent
         fields = [
             *("id", "name", "algorithm", "policy", "action_space", "observation_space", "action_masks"),
-            *("action_features", "parameters", "advice"),
+            *("action_features", "parameters", "advice", "averaging"),
             *("enable_learning", "max_percent_cpu", "max_executions", "sessions_per_execution"),
             *("answer_within", "unanswered_reward"),
             *("start_from", "save_interval", "public", "counted_in", "created_at", "last_activity_at", "run"),

@@ -23,6 +23,7 @@ class OverHTTP:
     algorithm: str = "PPO"
     parameters: dict[str, Any] = field(default_factory=dict)
     agent: dict[str, Any] = field(default_factory=dict)
+    averaging: bool = False  # what the executions learn
 
     @property
     def advisors(self) -> tuple[str, ...]:
@@ -32,7 +33,11 @@ class OverHTTP:
     def learn(self, seed: int, saves: Path, on_episode: Callable[[], None]) -> list[Episodes]:
         """One run: each client plays on an execution of its own, until the slowest has its episodes; cut to these."""
         logs = [CountedLog(self.episodes, on_episode) for _ in range(self.clients)]
-        options = {"sessions_per_execution": 1, "max_executions": self.clients} | self.agent
+        options = {
+            "sessions_per_execution": 1,
+            "max_executions": self.clients,
+            "averaging": self.averaging,
+        } | self.agent
         with running_server() as server:
             key = make_agent(server, self.environment, self.algorithm, self.parameters | {"seed": seed}, **options)
             play_together(server, key, self.environment, list(logs), seed, lambda: all(log.is_full for log in logs))

@@ -49,17 +49,18 @@ EXECUTIONS = (
 )
 SHOWN = ("public", "counted_in")  # on the live page
 AT_RESTART = {"policy", "action_space", "observation_space", "action_masks", "action_features", *ADVICE, "start_from"}
-AT_RESTART |= {"answer_within", "unanswered_reward"}
+AT_RESTART |= {"averaging", "answer_within", "unanswered_reward"}
 
 
 def advice_fields(agent: Agent) -> dict[str, Any]:
-    """The settings of advice that mean anything to the agent."""
+    """The settings of advice, and of learning together, that mean anything to the agent."""
     row = BY_NAME.get(agent.algorithm.name)
+    averaging = ("averaging",) if row is not None and row.averages else ()
     if row is None or not row.advice:
-        return {"fields": ("advice_method",), "description": f"{agent.algorithm} takes no advice."}
-    discrete = isinstance(agent.action_space, int)
-    idle = {"continuous_advice", "advice_samples"} if discrete else {"rho"}
-    return {"fields": [name for name in ADVICE if name not in idle and (row.corrects or name != "learning_correction")]}
+        return {"fields": (*averaging, "advice_method"), "description": f"{agent.algorithm} takes no advice."}
+    idle = {"continuous_advice", "advice_samples"} if isinstance(agent.action_space, int) else {"rho"}
+    idle |= set() if row.corrects else {"learning_correction"}
+    return {"fields": [*averaging, *(name for name in ADVICE if name not in idle)]}
 
 
 def takes_setting_of_masks(agent: Agent) -> bool:

@@ -56,6 +56,11 @@ def is_advised(spec: AgentSpec) -> bool:
     return spec.advice_method != "none" and get_row(spec.algorithm).advice
 
 
+def is_averaged(spec: AgentSpec) -> bool:
+    """Whether an execution goes on from the mean of all after each update."""
+    return spec.averaging and get_row(spec.algorithm).averages
+
+
 def is_masked(spec: AgentSpec) -> bool:
     """Whether observations carry a mask. MaskablePPO has a way of its own."""
     row = get_row(spec.algorithm)

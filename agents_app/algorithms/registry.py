@@ -35,6 +35,11 @@ class Row:
         return self.advice and (self.family == "on_policy" or self.name == "BDPI")
 
     @property
+    def averages(self) -> bool:
+        """Whether its executions can average what they learn: it updates after a rollout, not at each step."""
+        return self.family in ("on_policy", "recurrent", "maskable")
+
+    @property
     def masks(self) -> bool:
         """Whether an agent can have some of n actions forbidden at a step."""
         return self.discrete and self.family in ("on_policy", "off_policy", "maskable")

@@ -35,6 +35,7 @@ class AgentSpec:
     advice_weight: float = 1.0
     advisors: str = "random"
     peers_advise: bool = True
+    averaging: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """The fields, for a message."""

@@ -16,6 +16,11 @@ def flatten(policy: nn.Module, without: Collection[str] = ()) -> np.ndarray:
         return th.cat([tensor.reshape(-1).float() for tensor in _tensors(policy, without)]).numpy()
 
 
+def parameters_of(policy: nn.Module) -> int:
+    """How many of these numbers are learned; behind them are the buffers."""
+    return sum(tensor.numel() for _, tensor in policy.named_parameters(remove_duplicate=False))
+
+
 def assign(policy: nn.Module, weights: np.ndarray) -> None:
     """Set all parameters and buffers from such a vector. Raises ValueError when it is of another size."""
     tensors = _tensors(policy)

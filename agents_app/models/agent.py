@@ -206,6 +206,12 @@ class Agent(models.Model):
         help_text="Let the learning rule know that actions were chosen with advice. Without it, many agents unlearn what "
         "they were advised; a few learn faster.",
     )
+    averaging = models.BooleanField(
+        "executions average what they learn",
+        default=True,
+        help_text="After each update, an execution goes on from the mean of what all of them have learned. Untick it where "
+        "your clients have different problems.",
+    )
     start_from = models.CharField(max_length=10, choices=StartFrom, default=StartFrom.LATEST)
     save_interval = models.PositiveIntegerField(
         default=10_000, validators=[MinValueValidator(1)], help_text="Steps between two saves of an execution."

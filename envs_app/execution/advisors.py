@@ -18,11 +18,12 @@ from stable_baselines3.common.utils import obs_as_tensor
 
 from agents_app.algorithms.actor import advising_policy, batch
 from agents_app.algorithms.advice import as_order, combine, combine_logs, neutral_advice
+from agents_app.algorithms.builder import is_averaged
 from agents_app.algorithms.masks import allowed_of, mask_advice
 from agents_app.algorithms.mixing import ALL, BEST, GEOMETRIC, SEVERAL, SOFT
 from agents_app.algorithms.small_policies import small
 from agents_app.algorithms.spec import AgentSpec
-from agents_app.algorithms.weights import assign
+from agents_app.algorithms.weights import assign, flatten, parameters_of
 from envs_app.execution.frozen import Frozen
 
 SEVERAL_ARE = 3  # docs/adr/0006
@@ -84,6 +85,7 @@ class Advisors:
         self._action_space = algorithm.action_space
         self._discrete = isinstance(self._action_space, spaces.Discrete)
         self._at_most = self._how_many()
+        self._size, self._behind = self._sizes()
         self._known: dict[int, Peer] = {}
         self._versions: dict[int, int] = {}
         self._neutral = neutral_advice(algorithm.action_space)
@@ -126,6 +128,11 @@ class Advisors:
             return sys.maxsize
         return SEVERAL_ARE if self._spec.advisors == SEVERAL and self._discrete else 1
 
+    def _sizes(self) -> tuple[int, int]:
+        """How many numbers a peer's weights are, and how many follow them that are none of an advisor's (averaging.py)."""
+        behind = parameters_of(self._template) if is_averaged(self._spec) else 0
+        return flatten(self._template).size, behind
+
     def _combine(self, answers: list[np.ndarray]) -> np.ndarray:
         """One piece of advice from several: eq. 5.1, or the mean that the method asks; as an order, if the agent wants orders."""
         if not self._discrete:
@@ -148,15 +155,11 @@ class Advisors:
             del self._known[gone], self._versions[gone]
         if self._versions.get(number) != versions[number]:
             weights = self._peers.weights(number)
-            if weights is None:
+            if weights is None or weights.size != self._size + self._behind:  # gone, or from before the agent was changed
                 return None
             if number not in self._known:
                 self._known[number] = Peer(self._template)
-            try:
-                assign(self._known[number].policy, weights)
-            except ValueError:  # a network of another shape, from before the agent was changed
-                del self._known[number]
-                return None
+            assign(self._known[number].policy, weights[: self._size])
             self._versions[number] = versions[number]
         return self._known[number]
 

@@ -15,6 +15,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from agents_app.algorithms.builder import ENDLESS
 from agents_app.algorithms.replay import TapeClosed
 from agents_app.algorithms.weights import flatten
+from envs_app.execution.averaging import Averaging
 from envs_app.execution.turns import Turns
 
 FOLLOW_SECONDS = 0.03
@@ -36,6 +37,7 @@ class Learner(threading.Thread):
         on_published: Callable[[], None],
         on_failed: Callable[[str], None],
         turns: Turns | None = None,
+        averaging: Averaging | None = None,
     ) -> None:
         """`turns` are taken for each update; None: updates are short. The callbacks run in this thread.
 
@@ -47,7 +49,7 @@ class Learner(threading.Thread):
         self._published_at = 0.0
         self._weights, self.save_interval = weights, save_interval
         self._save, self._on_published, self._on_failed = save, on_published, on_failed
-        self._turns = turns
+        self._turns, self._averaging = turns, averaging
         self.updating = False  # an update is being made, or waits for its turn
         self._saved_at = algorithm.num_timesteps
         self._updates: int | None = None  # None: nothing is published yet, not even what was restored
@@ -97,6 +99,8 @@ class Learner(threading.Thread):
     def _publish(self, weights: np.ndarray) -> None:
         self._hand_over(weights)
         self._on_published()
+        if self._weights and self._averaging and self._averaging.go_on():
+            self._hand_over(self._weights())
 
     def _hand_over(self, weights: np.ndarray) -> None:
         """To the actor. Raises Diverged: nobody acts with weights that are not finite."""

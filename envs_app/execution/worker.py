@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import gymnasium as gym
 import numpy as np
@@ -28,6 +29,7 @@ from agents_app.algorithms.spec import AgentSpec, see
 from agents_app.algorithms.weights import flatten
 from agents_app.spaces import parse_space
 from envs_app.execution.advisors import Advisors, Peers
+from envs_app.execution.averaging import Averaging
 from envs_app.execution.frozen import Frozen, FrozenSpec, NoAdvisor, load
 from envs_app.execution.lane import Lane
 from envs_app.execution.learner import Learner
@@ -106,12 +108,11 @@ class Worker:
         self._report, self._wake, self._publish_weights = report, wake, publish
         self.failure: str | None = None
         self.save_error = ""
-        seed = seed_everything(spec.seed, spec.number)
         family = builder.family_of(spec.agent)
         self.feed: Any = family.make_feed()
         self.direct = isinstance(self.feed, LiveFeed)
         self.masked = builder.is_masked(spec.agent)
-        self.algorithm = builder.build(spec.agent, self._environment(), seed)
+        self.algorithm = self._build()
         self.storage, self.store = storage, SaveStore(storage, spec.saves)
         self._restore()
         self.actor = family.make_actor(self.algorithm)
@@ -119,6 +120,8 @@ class Worker:
         self.advisors = None
         if builder.is_advised(spec.agent):
             self.advisors = Advisors(self.algorithm, peers, spec.agent, self._frozen_advisor())
+        averaged = builder.is_averaged(spec.agent)
+        self.averaging = Averaging(self.algorithm.policy, peers) if averaged else None
         family.attach(self.algorithm, self.feed)
         self.learner = Learner(
             self.algorithm,
@@ -128,6 +131,7 @@ class Worker:
             self._published,
             self._failed,
             self._turns(family),
+            self.averaging,
         )
         self._has_long_updates = family.has_long_updates(self.algorithm)
         self._seen: np.ndarray | None = None
@@ -214,6 +218,17 @@ class Worker:
             return None
         return Turns(Path(self.spec.turns), cores())
 
+    def _build(self) -> Any:
+        """The algorithm, with seeds of its own. Those that average begin alike: of unrelated networks no mean is any good."""
+        spec = self.spec
+        seed = seed_everything(spec.seed, spec.number)
+        if not builder.is_averaged(spec.agent):
+            return builder.build(spec.agent, self._environment(), seed)
+        of_all = crc32(f"{spec.agent_id} {spec.run}".encode()) if spec.seed is None else spec.seed
+        algorithm = builder.build(spec.agent, self._environment(), of_all)
+        algorithm.set_random_seed(seed)
+        return algorithm
+
     def _environment(self) -> gym.Env | Lane:
         space = builder.seen_space(self.spec.agent)
         env = gym.make("ShepherdEnv-v0", observation_space=space, action_space=self.action_space, feed=self.feed)
@@ -255,8 +270,12 @@ class Worker:
             algorithm.learning_starts += algorithm.num_timesteps
 
     def _published(self) -> None:
-        if self.advisors is not None and self.learner.published is not None:
-            self._publish_weights(self.learner.published)
+        if (weights := self.learner.published) is None:
+            return
+        if self.averaging is not None:
+            self._publish_weights(self.averaging.publication(weights))
+        elif self.advisors is not None:
+            self._publish_weights(weights)
 
     def _failed(self, text: str) -> None:
         self.failure = text

@@ -33,7 +33,7 @@ def main() -> None:
     settings = Settings(**{it.name: given.pop(it.name) for it in fields(Settings) if it.name in given})
     spec = AgentSpec("PPO", 0, 0, **{"advice_method": "intersection"} | given)
     th.set_num_threads(1)
-    rules = Rules(options.environment, options.size, spec.mixing(), spec.advisors, spec.rho, settings)
+    rules = Rules(options.environment, options.size, spec.mixing(), spec.advisors, spec.rho, settings, spec.averaging)
     teams = Teams(rules, options.seeds)
     teams.play(options.episodes)
     print(together(teams, options.episodes), f"alone {teams.returns_alone(ALONE).mean():.0f}")

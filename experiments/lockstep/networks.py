@@ -5,7 +5,7 @@ Weights are (L, in, out), so that one product serves all learners; observations 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import torch as th
@@ -34,6 +34,20 @@ class Networks:
     def values(self, observations: th.Tensor) -> th.Tensor:
         """(L, B, O) -> (L, B)."""
         return _run(self.critic, observations)[..., 0]
+
+    def begin_alike(self, size: int) -> None:
+        """Give the learners of a team, `size` beside each other, the weights of its first."""
+        self._replace(lambda team: team[:, :1], size)
+
+    def average(self, size: int) -> None:
+        """Give them the mean of their weights."""
+        self._replace(lambda team: team.mean(1, keepdim=True), size)
+
+    def _replace(self, by: Callable[[th.Tensor], th.Tensor], size: int) -> None:
+        with th.no_grad():
+            for tensor in self.parameters():
+                team = tensor.view(-1, size, *tensor.shape[1:])
+                team.copy_(by(team).clone().expand_as(team))
 
 
 def _layers(learners: int, sizes: tuple[int, ...], last_gain: float) -> list[Layer]:

@@ -36,7 +36,7 @@ class InLockstep:
         """A run for each seed, in half the time. Numbers of one are drawn between those of the others: see Teams."""
         spec = AgentSpec("PPO", 0, 0, **{"advice_method": "intersection"} | self.agent)
         settings = Settings(**self.parameters)
-        rules = Rules(self.environment, self.clients, spec.mixing(), spec.advisors, spec.rho, settings)
+        rules = Rules(self.environment, self.clients, spec.mixing(), spec.advisors, spec.rho, settings, spec.averaging)
         teams = Teams(rules, seeds)
         teams.play(self.episodes, on_episode)
         logs = [log[: self.episodes] for log in teams.episodes]

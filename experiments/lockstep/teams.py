@@ -35,6 +35,7 @@ class Rules:
     advisors: str = RANDOM
     rho: float = 1.0
     settings: Settings = field(default_factory=Settings)
+    averaging: bool = False  # after each update, each learner goes on from the mean of its team
 
 
 class Teams:
@@ -51,6 +52,8 @@ class Teams:
         space: Any = self._environments[0].action_space
         self._actions = int(space.n)
         self.networks = Networks(learners, self._observations.shape[1], self._actions)
+        if rules.averaging:
+            self.networks.begin_alike(self.size)
         self.ppo = PPO(self.networks, rules.settings, rules.mixing if self.size > 1 else None)
         self._starts = np.ones(learners, np.float32)
         self._totals, self._steps = np.zeros(learners), 0
@@ -67,6 +70,8 @@ class Teams:
             last_values = self._values()
             gains = advantages(rollout, last_values, self._starts, self.rules.settings)
             self.ppo.train(rollout, gains, self._rng, np.repeat(self._playing(), self.size))
+            if self.rules.averaging:
+                self.networks.average(self.size)
 
     def returns_alone(self, episodes: int) -> np.ndarray:
         """What each learner earns by its own probabilities, without advice, (L, episodes); nothing is learned."""

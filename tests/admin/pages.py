@@ -16,7 +16,7 @@ def act(client, agent, name):
 def fields_of(agent, **changes):
     """What the form of an agent sends."""
     names = ["name", "policy", "max_percent_cpu", "max_executions", "sessions_per_execution"]
-    ticks = ("enable_learning", "learning_correction", "peers_advise")
+    ticks = ("enable_learning", "learning_correction", "peers_advise", "averaging")
     names += [name for name in ADVICE if name not in (*ticks, "advisor")]
     fields = {
         name: getattr(agent, name)

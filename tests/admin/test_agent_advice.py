@@ -17,11 +17,13 @@ def shown(agent):
 def test_only_the_settings_of_advice_that_mean_anything_are_shown(ann):
     continuous = {"continuous_advice", "advice_samples"}
     vector = make_agent("vector", ann, action_space=[[2], -1, 1])
-    assert shown(make_agent("discrete", ann)) == set(ADVICE) - continuous
-    assert shown(vector) == set(ADVICE) - {"rho"}
+    averaging = {"averaging"}
+    assert shown(make_agent("discrete", ann)) == averaging | set(ADVICE) - continuous
+    assert shown(vector) == averaging | set(ADVICE) - {"rho"}
     assert shown(make_agent("off", ann, algorithm="DQN")) == set(ADVICE) - continuous - {"learning_correction"}
     assert shown(make_agent("bdpi", ann, algorithm="BDPI")) == set(ADVICE) - continuous
     assert shown(make_agent("none", ann, algorithm="ARS")) == {"advice_method"}
+    assert shown(make_agent("masked", ann, algorithm="MaskablePPO")) == {"averaging", "advice_method"}
 
 
 def test_each_setting_is_hidden_by_a_condition_on_one_that_is_shown():
@@ -47,6 +49,18 @@ def test_another_agent_of_the_owner_may_advise(client, ann, fresh, foreign):
     learned.delete()
     fresh.refresh_from_db()
     assert fresh.advisor is None
+
+
+def test_whether_executions_average_is_set_where_they_can(client, ann, fresh):
+    assert fresh.averaging
+    save(client, fresh, averaging=None)
+    fresh.refresh_from_db()
+    assert not fresh.averaging
+    values = make_agent("values", ann, algorithm="DQN")
+    assert not values.averaging
+    save(client, values, rho="0.7", learning_correction=None)
+    values.refresh_from_db()
+    assert (values.rho, values.averaging) == (0.7, False)
 
 
 def test_an_algorithm_without_advice_says_so(client, ann):

@@ -199,6 +199,17 @@ def test_every_method_but_union_is_taken_for_vectors(algorithm, method):
         agent(algorithm, REAL, advice_method=method).full_clean()
 
 
+@pytest.mark.parametrize("algorithm", ["DQN", "BDPI", "ARS"])
+def test_an_algorithm_that_learns_at_each_step_averages_nothing_and_says_so(algorithm):
+    plain = agent(algorithm)
+    plain.full_clean()
+    assert not plain.averaging
+    plain.save()
+    plain.averaging = True
+    with pytest.raises(ValidationError, match=f"{algorithm} learns at every step, not after many: write no."):
+        plain.full_clean()
+
+
 @pytest.mark.parametrize("algorithm", ["ARS", "RecurrentPPO", "MaskablePPO"])
 def test_an_algorithm_that_takes_no_advice_begins_with_none_and_refuses_any(algorithm):
     plain = agent(algorithm)

@@ -13,6 +13,7 @@ def test_it_describes_the_agent_of_the_key(api, agent, manage_key):
     assert (described["action_space"], described["observation_space"]) == (4, [[8], -10, 10])
     assert described["run"] == 1
     assert described["enable_learning"] is True
+    assert described["averaging"] is True
     assert described["advice"] == {
         **{
             "method": "intersection",

@@ -1,0 +1,106 @@
+"""Executions that learn together: what all their updates change is averaged, as in federated averaging (McMahan et al. 2017).
+
+Nobody waits for anybody. So changes are averaged, not weights: the weights that a peer published last are old already, and to be
+drawn to their mean after each update would slow all of them down (docs/adr/0016). An execution publishes, behind its policy, the
+sum of all that its own updates have changed so far; of this a peer takes over what has been added since it heard it last.
+A little of the mean of the weights keeps them together all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from agents_app.algorithms.weights import assign, flatten, parameters_of
+
+FULL_VOICE = 10  # updates
+PULL = 0.1  # towards the mean of the weights, after each update
+
+
+class Others(Protocol):
+    """Where the publications of other executions are found: of advisors.py's Peers what is needed here."""
+
+    def versions(self) -> dict[int, int]:
+        """The live peers that have published: number of the execution, and how many times it has."""
+        ...
+
+    def weights(self, number: int) -> np.ndarray | None:
+        """The latest publication of a peer; None when it has just gone."""
+        ...
+
+
+class News(NamedTuple):
+    """What is heard of one execution. P parameters."""
+
+    voice: int  # how much it counts
+    parameters: np.ndarray  # (P,)
+    change: np.ndarray  # (P,), by its own updates since it was heard last
+
+
+class Averaging:
+    """Brings together what an execution and its peers learn. Belongs to the learner's thread."""
+
+    def __init__(self, policy: Any, others: Others) -> None:
+        """The policy is about to learn."""
+        self._policy, self._others = policy, others
+        self.parameters = parameters_of(policy)
+        self._start = flatten(policy)[: self.parameters]  # of the update that comes
+        self._total = np.zeros_like(self._start)  # of all changes by own updates
+        self._published = 0
+        self._heard: dict[int, tuple[int, np.ndarray]] = {}  # versions and totals of the others, by number
+
+    def publication(self, weights: np.ndarray) -> np.ndarray:
+        """What the others need, after an update: the whole policy, (W,), and the sum of the changes, (P,) behind it."""
+        self._published += 1
+        self._total += weights[: self.parameters] - self._start
+        return np.concatenate([weights, self._total])
+
+    def go_on(self) -> bool:
+        """Take over what others have learned, after a publication; returns whether there was anything to take.
+
+        Buffers, in which observation normalisation is, stay one's own: peers may see other units (Li et al. 2021, FedBN).
+        """
+        weights = flatten(self._policy)
+        own = weights[: self.parameters]
+        if news := list(self._news(weights.size)):
+            merged = merge(self._start, News(voice_of(self._published), own, own - self._start), news)
+            assign(self._policy, np.concatenate([merged, weights[self.parameters :]], dtype=np.float32))
+            own = merged
+        self._start = own
+        return bool(news)
+
+    def _news(self, size: int) -> Iterator[News]:
+        """Of those that have published since they were heard last. A network of another shape tells nothing."""
+        for number, version in self._others.versions().items():
+            before, known = self._heard.get(number, (0, None))
+            if voice_of(version) == 0 or version == before:
+                continue
+            said = self._others.weights(number)
+            if said is None or said.size != size + self.parameters:
+                continue
+            total = said[size:]
+            self._heard[number] = version, total
+            yield News(voice_of(version), said[: self.parameters], total - (total if known is None else known))
+
+
+def merge(start: np.ndarray, own: News, news: list[News]) -> np.ndarray:
+    """Parameters to go on from, (P,): those before one's own update, the mean of all changes, a pull to the mean of the weights.
+
+    Whoever has learned less than another is pulled the more: a newcomer takes over what is known.
+    """
+    everybody = [own, *news]
+    voices = np.array([it.voice for it in everybody], np.float32)
+    changed = start + _mean(voices, [it.change for it in everybody])
+    pull = 1.0 - (1.0 - PULL) * min(1.0, float(voices[0] / voices[1:].max()))
+    return changed + np.float32(pull) * (_mean(voices, [it.parameters for it in everybody]) - changed)
+
+
+def _mean(voices: np.ndarray, vectors: list[np.ndarray]) -> np.ndarray:
+    return sum(share * vector for share, vector in zip(voices / voices.sum(), vectors, strict=True))
+
+
+def voice_of(publications: int) -> int:
+    """How much one counts. The first publication is what an execution began with."""
+    return min(publications - 1, FULL_VOICE)

@@ -1,0 +1,154 @@
+"""Executions that learn together: each takes over what the updates of the others have changed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agents_app.algorithms.registry import ROWS
+from agents_app.algorithms.weights import assign, flatten, parameters_of
+from envs_app.execution.averaging import FULL_VOICE, Averaging, News, merge, voice_of
+from tests.algorithms.specs import CONTINUOUS, DISCRETE
+from tests.execution.station import FixedPeers, Station
+
+NUMBERS = st.lists(st.floats(-10, 10, width=32), min_size=3, max_size=3).map(lambda it: np.array(it, np.float32))
+
+
+def learning(folder: Path, **options: Any) -> Station:
+    """An execution that averages."""
+    return Station(folder, averaging=True, **options)
+
+
+@pytest.fixture
+def station(tmp_path: Path) -> Any:
+    """One that normalises observations too, and has learned nothing yet."""
+    with learning(tmp_path, parameters={"n_steps": 32, "normalize_observations": True}) as station:
+        yield station
+
+
+def publish(peers: FixedPeers, number: int, weights: np.ndarray, total: np.ndarray, times: int = 1) -> None:
+    """Execution `number` says so many times what it knows, and by how much its own updates have changed that."""
+    for _ in range(times):
+        peers.put(number, np.concatenate([weights, total], dtype=np.float32))
+
+
+@given(NUMBERS, st.lists(NUMBERS, min_size=2, max_size=5))
+def test_who_began_together_goes_on_from_the_mean(start: np.ndarray, changes: list[np.ndarray]) -> None:
+    own, *others = (News(FULL_VOICE, start + change, change) for change in changes)
+    assert merge(start, own, others) == pytest.approx(start + np.mean(changes, axis=0), abs=1e-4)
+
+
+@given(NUMBERS, NUMBERS, st.integers(1, FULL_VOICE))
+def test_a_newcomer_takes_over_what_is_known(start: np.ndarray, known: np.ndarray, voice: int) -> None:
+    merged = merge(start, News(0, start, np.zeros_like(start)), [News(voice, known, np.zeros_like(start))])
+    assert merged == pytest.approx(known, abs=1e-4)
+
+
+@given(NUMBERS, NUMBERS, NUMBERS)
+def test_what_a_peer_began_with_long_ago_holds_nobody_back(
+    start: np.ndarray, old: np.ndarray, change: np.ndarray
+) -> None:
+    peer = News(FULL_VOICE, old, change)
+    merged = merge(start, News(FULL_VOICE, start + change, change), [peer])
+    assert merged == pytest.approx(0.9 * (start + change) + 0.1 * (start + change + old) / 2, abs=1e-4)
+
+
+def test_voices_grow_with_what_was_learned() -> None:
+    assert [voice_of(publications) for publications in (1, 2, 5, 500)] == [0, 1, 4, FULL_VOICE]
+
+
+def test_what_two_learn_reaches_both(station: Station) -> None:
+    policy, size = station.algorithm.policy, parameters_of(station.algorithm.policy)
+    begun, averaging = flatten(policy), Averaging(policy, station.peers)
+    averaging.publication(begun)
+    assert not averaging.go_on()
+    publish(station.peers, 2, begun, np.zeros(size), times=FULL_VOICE + 1)
+    for _ in range(FULL_VOICE):
+        averaging.publication(flatten(policy))
+        averaging.go_on()
+    learned, theirs = begun.copy(), np.zeros(size, np.float32)
+    learned[:size] += 2
+    theirs += 4
+    assign(policy, learned)
+    said = averaging.publication(flatten(policy))
+    assert said[: begun.size] == pytest.approx(learned)
+    assert said[begun.size :] == pytest.approx(np.full(size, 2), abs=1e-5)
+    publish(station.peers, 2, np.concatenate([begun[:size] + theirs, begun[size:] + 9]), theirs)
+    assert averaging.go_on()
+    after = flatten(policy)
+    assert after[:size] == pytest.approx(begun[:size] + 3, abs=1e-5)
+    assert np.array_equal(after[size:], begun[size:])  # its own normalisation
+    assert not averaging.go_on()  # nobody is heard twice
+    assert averaging.publication(flatten(policy))[begun.size :] == pytest.approx(np.full(size, 2), abs=1e-5)
+
+
+def test_nobody_is_heard_before_it_has_learned(station: Station) -> None:
+    begun, size = flatten(station.algorithm.policy), parameters_of(station.algorithm.policy)
+    averaging = Averaging(station.algorithm.policy, station.peers)
+    publish(station.peers, 2, begun + 1, np.ones(size))
+    averaging.publication(begun)
+    assert not averaging.go_on()
+    publish(station.peers, 2, begun + 1, np.ones(size))
+    assert averaging.go_on()
+    assert flatten(station.algorithm.policy)[:size] == pytest.approx(begun[:size] + 1, abs=1e-5)
+
+
+def test_whoever_has_gone_or_does_not_fit_is_passed_over(station: Station) -> None:
+    begun, size = flatten(station.algorithm.policy), parameters_of(station.algorithm.policy)
+    averaging = Averaging(station.algorithm.policy, station.peers)
+    publish(station.peers, 2, begun[:-1], np.ones(size), times=3)
+    publish(station.peers, 3, begun, np.ones(size), times=3)
+    del station.peers.policies[3]
+    averaging.publication(begun)
+    assert not averaging.go_on()
+    assert np.array_equal(flatten(station.algorithm.policy), begun)
+
+
+@pytest.mark.parametrize("actions", [DISCRETE, CONTINUOUS], ids=["discrete", "continuous"])
+@pytest.mark.parametrize("row", [row for row in ROWS if row.averages], ids=lambda row: row.name)
+def test_after_an_update_it_goes_on_with_what_others_learned(tmp_path: Path, row: Any, actions: Any) -> None:
+    if actions == CONTINUOUS and not row.continuous:
+        actions = 5
+    steps = {} if row.name in ("A2C", "PolicyGradient") else {"n_steps": 32}
+    with learning(tmp_path, algorithm=row.name, actions=actions, parameters=steps) as station:
+        begun, size = flatten(station.algorithm.policy), parameters_of(station.algorithm.policy)
+        publish(station.peers, 2, begun + 3, np.zeros(size), times=FULL_VOICE + 1)
+        station.play(70)
+        station.wait_until(lambda: (flatten(station.algorithm.policy) - begun)[:size].mean() > 1)
+        assert np.array_equal(station.published[0], np.concatenate([begun, np.zeros(size, np.float32)]))
+        station.worker.refresh()
+        assert (flatten(station.worker.actor.policy) - begun)[:size].mean() > 1
+
+
+def test_advice_is_taken_from_the_policy_that_is_published_with_more(tmp_path: Path) -> None:
+    with learning(tmp_path, actions=DISCRETE, advice_method="intersection") as station:
+        policy, size = station.algorithm.policy, parameters_of(station.algorithm.policy)
+        begun = flatten(policy)
+        policy.action_net.bias.data[1] = 50.0
+        leaning = flatten(policy)
+        assign(policy, begun)
+        publish(station.peers, 2, leaning, np.full(size, 7.0))
+        assert station.worker.see(station.somewhere())["advice"] == pytest.approx([0, 1, 0], abs=1e-4)
+        station.peers.put(2, leaning)  # of before the agent averaged
+        assert station.worker.see(station.somewhere())["advice"] == pytest.approx([1, 1, 1])
+
+
+def test_those_of_a_run_begin_alike_and_explore_each_by_itself(tmp_path: Path) -> None:
+    begun, drawn = [], []
+    for number, run in [(1, 1), (2, 1), (3, 2)]:
+        with learning(tmp_path / str(number), number=number, run=run, saves=f"agent/{number}", seed=None) as station:
+            begun.append(flatten(station.algorithm.policy))
+            drawn.append([station.step()["action"] for _ in range(30)])
+    assert np.array_equal(begun[0], begun[1])
+    assert not np.array_equal(begun[0], begun[2])
+    assert drawn[0] != drawn[1]
+
+
+def test_an_algorithm_that_learns_at_each_step_averages_nothing(tmp_path: Path) -> None:
+    with learning(tmp_path, algorithm="DQN") as station:
+        assert station.worker.averaging is None
