@@ -73,14 +73,16 @@ class Averaging:
 
     def _news(self, size: int) -> Iterator[News]:
         """Of those that have published since they were heard last. A network of another shape tells nothing."""
-        for number, version in self._others.versions().items():
+        versions = self._others.versions()
+        self._heard = {number: it for number, it in self._heard.items() if number in versions}  # who has gone is forgotten
+        for number, version in versions.items():
             before, known = self._heard.get(number, (0, None))
             if voice_of(version) == 0 or version == before:
                 continue
             said = self._others.weights(number)
             if said is None or said.size != size + self.parameters:
                 continue
-            total = said[size:]
+            total = said[size:].copy()
             self._heard[number] = version, total
             yield News(voice_of(version), said[: self.parameters], total - (total if known is None else known))
 

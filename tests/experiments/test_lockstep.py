@@ -155,6 +155,17 @@ def test_a_team_learns() -> None:
     assert teams.returns_alone(2).shape == (2, 2)
 
 
+def test_teams_that_average_begin_alike_and_stay_so_each_by_itself() -> None:
+    teams = Teams(Rules(ENVIRONMENT, 2, settings=SETTINGS, averaging=True), [5, 6])
+    begun = [part.detach().clone() for part in teams.networks.parameters()]
+    teams.play(5)
+    for part, old in zip(teams.networks.parameters(), begun, strict=True):
+        for weights in (part, old):
+            first, second, third, fourth = weights.unbind()
+            assert th.equal(first, second) and th.equal(third, fourth)
+        assert not th.equal(part, old) and not th.equal(part[0], part[2])
+
+
 def test_alone_each_acts_by_its_own_policy() -> None:
     teams = team(ALL)
     with th.no_grad():
