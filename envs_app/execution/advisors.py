@@ -147,7 +147,7 @@ class Advisors:
         return order * len(answers) if self._discrete else order
 
     def _up_to_date(self, number: int) -> Peer | None:
-        """The peer with its latest policy; None when it has just gone, or fits no more."""
+        """The peer with its latest policy; None when it has just gone, or is from before the agent was changed."""
         if number == FROZEN:
             return self._frozen_peer
         versions = self._peers.versions()
@@ -155,7 +155,7 @@ class Advisors:
             del self._known[gone], self._versions[gone]
         if self._versions.get(number) != versions[number]:
             weights = self._peers.weights(number)
-            if weights is None or weights.size != self._size + self._behind:  # gone, or from before the agent was changed
+            if weights is None or weights.size != self._size + self._behind:
                 return None
             if number not in self._known:
                 self._known[number] = Peer(self._template)

@@ -51,6 +51,11 @@ class Averaging:
         self._published = 0
         self._heard: dict[int, tuple[int, np.ndarray]] = {}  # versions and totals of the others, by number
 
+    @property
+    def is_new(self) -> bool:
+        """Whether it has neither learned nor heard anything."""
+        return self._published == 1 and not self._heard
+
     def publication(self, weights: np.ndarray) -> np.ndarray:
         """What the others need, after an update: the whole policy, (W,), and the sum of the changes, (P,) behind it."""
         self._published += 1
@@ -74,7 +79,7 @@ class Averaging:
     def _news(self, size: int) -> Iterator[News]:
         """Of those that have published since they were heard last. A network of another shape tells nothing."""
         versions = self._others.versions()
-        self._heard = {number: it for number, it in self._heard.items() if number in versions}  # who has gone is forgotten
+        self._heard = {it: heard for it, heard in self._heard.items() if it in versions}  # who has gone is forgotten
         for number, version in versions.items():
             before, known = self._heard.get(number, (0, None))
             if voice_of(version) == 0 or version == before:

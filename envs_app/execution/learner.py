@@ -70,7 +70,7 @@ class Learner(threading.Thread):
             self._save()
 
     def _learn(self) -> None:
-        hook = _Hook(self._between_updates, self._before_update)
+        hook = _Hook(self._between_updates, self._before_update, self._before_the_first)
         if self._weights and (optimizer := getattr(self.algorithm.policy, "optimizer", None)):
             optimizer.register_step_post_hook(self._amid_an_update)
         with suppress(TapeClosed):
@@ -90,6 +90,11 @@ class Learner(threading.Thread):
             if self._weights:
                 self._publish(self._weights())
         self.save_if_newer(self.save_interval)
+
+    def _before_the_first(self) -> None:
+        """A newcomer takes over what is known as soon as it hears of it, not after a rollout of its own."""
+        if self._weights and self._averaging and self._averaging.is_new and self._averaging.go_on():
+            self._hand_over(self._weights())
 
     def _amid_an_update(self, *_: Any) -> None:
         """Let the actor follow an update while it is made: what it decides meanwhile is not older than a few minibatches."""
@@ -115,11 +120,13 @@ def check_finite(weights: np.ndarray) -> None:
 
 
 class _Hook(BaseCallback):
-    """Calls back where SB3 begins to collect (the policy is whole then, between two updates), and where it has done so."""
+    """Calls back where SB3 begins to collect (the policy is whole then, between two updates), at each step, and at the end."""
 
-    def __init__(self, between_updates: Callable[[], None], before_update: Callable[[], None]) -> None:
+    def __init__(
+        self, between_updates: Callable[[], None], before_update: Callable[[], None], at_a_step: Callable[[], None]
+    ) -> None:
         super().__init__()
-        self.between_updates, self.before_update = between_updates, before_update
+        self.between_updates, self.before_update, self.at_a_step = between_updates, before_update, at_a_step
 
     def _on_rollout_end(self) -> None:
         self.before_update()
@@ -128,4 +135,5 @@ class _Hook(BaseCallback):
         self.between_updates()
 
     def _on_step(self) -> bool:
+        self.at_a_step()
         return True

@@ -98,6 +98,21 @@ def test_nobody_is_heard_before_it_has_learned(station: Station) -> None:
     assert flatten(station.algorithm.policy)[:size] == pytest.approx(begun[:size] + 1, abs=1e-5)
 
 
+def test_a_newcomer_acts_on_what_is_known_before_it_has_learned(station: Station) -> None:
+    begun, size = flatten(station.algorithm.policy), parameters_of(station.algorithm.policy)
+    station.step()
+    publish(station.peers, 2, begun + 3, np.ones(size), times=2)
+    station.wait_until(lambda: station.step() and station.learned_from > 1 and not station.worker.averaging.is_new)
+    assert station.algorithm._n_updates == 0
+    station.worker.refresh()
+    assert flatten(station.worker.actor.policy)[:size] == pytest.approx(begun[:size] + 3, abs=1e-4)
+    publish(station.peers, 2, begun + 9, np.ones(size))
+    station.step()
+    assert flatten(station.algorithm.policy)[:size] == pytest.approx(
+        begun[:size] + 3, abs=1e-4
+    )  # once, until it learns
+
+
 def test_whoever_has_gone_or_does_not_fit_is_passed_over(station: Station) -> None:
     begun, size = flatten(station.algorithm.policy), parameters_of(station.algorithm.policy)
     averaging = Averaging(station.algorithm.policy, station.peers)
