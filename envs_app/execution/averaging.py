@@ -69,12 +69,18 @@ class Averaging:
         """
         weights = flatten(self._policy)
         own = weights[: self.parameters]
-        if news := list(self._news(weights.size)):
-            merged = merge(self._start, News(voice_of(self._published), own, own - self._start), news)
+        merged = self._merged(own, weights.size)
+        self._start = own if merged is None else merged
+        if merged is not None:
             assign(self._policy, np.concatenate([merged, weights[self.parameters :]], dtype=np.float32))
-            own = merged
-        self._start = own
-        return bool(news)
+        return merged is not None
+
+    def _merged(self, own: np.ndarray, size: int) -> np.ndarray | None:
+        """What to go on from; None: nobody has learned anything, or somebody diverges, who takes nobody along."""
+        if not (news := list(self._news(size))):
+            return None
+        merged = merge(self._start, News(voice_of(self._published), own, own - self._start), news)
+        return merged if np.isfinite(merged).all() else None
 
     def _news(self, size: int) -> Iterator[News]:
         """Of those that have published since they were heard last. A network of another shape tells nothing."""

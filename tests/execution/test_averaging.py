@@ -98,6 +98,19 @@ def test_nobody_is_heard_before_it_has_learned(station: Station) -> None:
     assert flatten(station.algorithm.policy)[:size] == pytest.approx(begun[:size] + 1, abs=1e-5)
 
 
+@pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
+def test_a_peer_that_diverges_takes_nobody_along(station: Station) -> None:
+    begun, size = flatten(station.algorithm.policy), parameters_of(station.algorithm.policy)
+    averaging = Averaging(station.algorithm.policy, station.peers)
+    averaging.publication(begun)
+    publish(station.peers, 2, begun, np.full(size, -3e38), times=2)
+    assert averaging.go_on()
+    averaging.publication(flatten(station.algorithm.policy))
+    publish(station.peers, 2, begun, np.full(size, 3e38))
+    assert not averaging.go_on()
+    assert np.array_equal(flatten(station.algorithm.policy), begun)
+
+
 def test_a_newcomer_acts_on_what_is_known_before_it_has_learned(station: Station) -> None:
     begun, size = flatten(station.algorithm.policy), parameters_of(station.algorithm.policy)
     station.step()
