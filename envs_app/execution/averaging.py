@@ -37,6 +37,7 @@ class News(NamedTuple):
     voice: int  # how much it counts
     parameters: np.ndarray  # (P,)
     change: np.ndarray  # (P,), by its own updates since it was heard last
+    buffers: np.ndarray = np.empty(0, np.float32)  # (W - P,), what it sees with
 
 
 class Averaging:
@@ -65,19 +66,22 @@ class Averaging:
     def go_on(self) -> bool:
         """Take over what others have learned, after a publication; returns whether there was anything to take.
 
-        Buffers, in which observation normalisation is, stay one's own: peers may see other units (Li et al. 2021, FedBN).
+        Buffers, in which observation normalisation is, stay one's own: peers may see other units (Li et al. 2021, FedBN). Only a
+        newcomer, which has none yet, sees as whoever knows most does: the weights that it takes over are of no use to it otherwise.
         """
-        weights = flatten(self._policy)
-        own = weights[: self.parameters]
-        merged = self._merged(own, weights.size)
+        weights, is_new = flatten(self._policy), self.is_new
+        own, buffers = np.split(weights, [self.parameters])
+        news = list(self._news(weights.size))
+        merged = self._merged(own, news)
         self._start = own if merged is None else merged
         if merged is not None:
-            assign(self._policy, np.concatenate([merged, weights[self.parameters :]], dtype=np.float32))
+            seen_with = max(news, key=lambda it: it.voice).buffers if is_new else buffers
+            assign(self._policy, np.concatenate([merged, seen_with], dtype=np.float32))
         return merged is not None
 
-    def _merged(self, own: np.ndarray, size: int) -> np.ndarray | None:
+    def _merged(self, own: np.ndarray, news: list[News]) -> np.ndarray | None:
         """What to go on from; None: nobody has learned anything, or somebody diverges, who takes nobody along."""
-        if not (news := list(self._news(size))):
+        if not news:
             return None
         merged = merge(self._start, News(voice_of(self._published), own, own - self._start), news)
         return merged if np.isfinite(merged).all() else None
@@ -95,7 +99,8 @@ class Averaging:
                 continue
             total = said[size:].copy()
             self._heard[number] = version, total
-            yield News(voice_of(version), said[: self.parameters], total - (total if known is None else known))
+            change = total - (total if known is None else known)
+            yield News(voice_of(version), said[: self.parameters], change, said[self.parameters : size])
 
 
 def merge(start: np.ndarray, own: News, news: list[News]) -> np.ndarray:
