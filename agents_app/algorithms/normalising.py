@@ -3,9 +3,9 @@
 The statistics are buffers of the policy, beside its weights, so that they travel with them: to the actor, to the peers (whose
 advice is evaluated with statistics of their own) and into every copy. On the policy they change after an update only, with the
 observations that it learned from: a decision is recorded and learned from under the same statistics, and log-probabilities stay
-exact. But the first update has seen its observations before: learning from numbers in the thousands would spoil the networks, and a
-fresh policy decides by chance however it sees them (docs/adr/0013). Off the policy, where nothing hangs on that, they change with each
-step, before the first update too.
+exact. But the first update has seen its observations before: learning from numbers in the thousands would spoil the networks, and
+a fresh policy decides by chance however it sees them (docs/adr/0013). Off the policy, where nothing hangs on that, they change with
+each step, before the first update too.
 
 Nothing is clipped, so that a saved model can have them folded into its first layers and be a stock one.
 """
@@ -153,9 +153,7 @@ def write_beside(path: Path | BytesIO, algorithm: Any) -> None:
     """Add to a saved ZIP what its folded network no longer tells; stock SB3 does not look at it."""
     state = algorithm.policy.state_dict()
     names = [f"{layer}.{kind}" for layer in first_layers(algorithm.policy) for kind in ("weight", "bias")]
-    arrays = {
-        f"policy/{name}": state[name].numpy() for name in names if name in state
-    } | algorithm.normaliser.known()
+    arrays = {f"policy/{name}": state[name].numpy() for name in names if name in state} | algorithm.normaliser.known()
     beside.write(path, MEMBER, arrays)
 
 

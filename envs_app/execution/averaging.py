@@ -66,8 +66,8 @@ class Averaging:
     def go_on(self) -> bool:
         """Take over what others have learned, after a publication; returns whether there was anything to take.
 
-        Buffers, in which observation normalisation is, stay one's own: peers may see other units (Li et al. 2021, FedBN). Only a
-        newcomer, which has none yet, sees as whoever knows most does: the weights that it takes over are of no use to it otherwise.
+        Buffers, in which observation normalisation is, stay one's own: peers may see other units (Li et al. 2021, FedBN).
+        Only a newcomer sees as whoever knows most does: the weights that it takes over would be of no use to it otherwise.
         """
         weights, is_new = flatten(self._policy), self.is_new
         own, buffers = np.split(weights, [self.parameters])
