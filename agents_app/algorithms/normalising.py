@@ -4,8 +4,8 @@ The statistics are buffers of the policy, beside its weights, so that they trave
 advice is evaluated with statistics of their own) and into every copy. On the policy they change after an update only, with the
 observations that it learned from: a decision is recorded and learned from under the same statistics, and log-probabilities stay
 exact. But the first update has seen its observations before: learning from numbers in the thousands would spoil the networks, and
-a fresh policy decides by chance however it sees them (docs/adr/0013). Off the policy, where nothing hangs on that, they change with
-each step, before the first update too.
+a fresh policy decides by chance however it sees them (docs/adr/0013). Off the policy, where nothing hangs on that, they change
+with each step, before the first update too.
 
 Nothing is clipped, so that a saved model can have them folded into its first layers and be a stock one.
 """
