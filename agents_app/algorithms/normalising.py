@@ -29,6 +29,7 @@ from agents_app.algorithms.riders import client_part
 
 MEMBER = "normaliser.npz"  # in a saved ZIP: the statistics, and what the folding replaced
 SMALLEST = 1e-6  # a deviation smaller than this part of the mean is rounding: that dimension keeps its scale
+BORROWED = 100.0  # observations, as which the statistics of another execution count
 
 
 class Normaliser(nn.Module):
@@ -48,16 +49,21 @@ class Normaliser(nn.Module):
         return (x - self.mean) * self.scale
 
     @property
+    def has_seen(self) -> bool:
+        """Whether it has statistics of its own."""
+        return bool(self.statistics["count"])
+
+    @property
     def is_blank(self) -> bool:
-        """Whether nothing is known of the scale."""
+        """Whether nothing is known of the scale, not even by others."""
         return not (self.mean.any() or (self.scale != 1.0).any())
 
     def known(self) -> dict[str, np.ndarray]:
-        """The statistics. Those that came with the weights of another execution count as one observation."""
-        if self.statistics["count"] or self.is_blank:
+        """The statistics. Those that came with the weights of another execution count as a few observations."""
+        if self.has_seen or self.is_blank:
             return self.statistics
         mean, scale = self.mean.numpy().astype(np.float64), self.scale.numpy().astype(np.float64)
-        return {"count": np.ones(()), "mean": mean, "squares": scale**-2}
+        return {"count": np.array(BORROWED), "mean": mean, "squares": np.where(scale == 1.0, 0.0, BORROWED * scale**-2)}
 
     def observe(self, observations: np.ndarray) -> None:
         """Learn from a batch, (..., I). Belongs to the learner."""
