@@ -3,7 +3,9 @@
 The statistics are buffers of the policy, beside its weights, so that they travel with them: to the actor, to the peers (whose
 advice is evaluated with statistics of their own) and into every copy. On the policy they change after an update only, with the
 observations that it learned from: a decision is recorded and learned from under the same statistics, and log-probabilities stay
-exact. Off the policy, where nothing hangs on that, they change with each step, before the first update too.
+exact. But the first update has seen its observations before: learning from numbers in the thousands would spoil the networks, and
+a fresh policy decides by chance however it sees them (docs/adr/0013). Off the policy, where nothing hangs on that, they change
+with each step, before the first update too.
 
 Nothing is clipped, so that a saved model can have them folded into its first layers and be a stock one.
 """
@@ -27,6 +29,7 @@ from agents_app.algorithms.riders import client_part
 
 MEMBER = "normaliser.npz"  # in a saved ZIP: the statistics, and what the folding replaced
 SMALLEST = 1e-6  # a deviation smaller than this part of the mean is rounding: that dimension keeps its scale
+BORROWED = 100.0  # observations, as which the statistics of another execution count
 
 
 class Normaliser(nn.Module):
@@ -45,10 +48,27 @@ class Normaliser(nn.Module):
         """(B, I), normalised."""
         return (x - self.mean) * self.scale
 
+    @property
+    def has_seen(self) -> bool:
+        """Whether it has statistics of its own."""
+        return bool(self.statistics["count"])
+
+    @property
+    def is_blank(self) -> bool:
+        """Whether nothing is known of the scale, not even by others."""
+        return not (self.mean.any() or (self.scale != 1.0).any())
+
+    def known(self) -> dict[str, np.ndarray]:
+        """The statistics. Those that came with the weights of another execution count as a few observations."""
+        if self.has_seen or self.is_blank:
+            return self.statistics
+        mean, scale = self.mean.numpy().astype(np.float64), self.scale.numpy().astype(np.float64)
+        return {"count": np.array(BORROWED), "mean": mean, "squares": np.where(scale == 1.0, 0.0, BORROWED * scale**-2)}
+
     def observe(self, observations: np.ndarray) -> None:
         """Learn from a batch, (..., I). Belongs to the learner."""
         rows = np.asarray(observations, np.float64).reshape(-1, len(self.mean))
-        known, new = self.statistics, len(rows)
+        known, new = self.known(), len(rows)
         count = known["count"] + new
         apart = rows.mean(0) - known["mean"]
         spread = ((rows - rows.mean(0)) ** 2).sum(0) + apart**2 * known["count"] * new / count
@@ -81,9 +101,13 @@ class NormalisesRollouts:
     normaliser: Normaliser
 
     def train(self, *args: Any, **kwargs: Any) -> None:
-        """An update; what it learned from counts from then on."""
+        """An update; what it learned from counts from then on, and where nothing was known, before it."""
+        observations, is_first = client_part(self.rollout_buffer.observations), self.normaliser.is_blank  # type: ignore[attr-defined]
+        if is_first:
+            self.normaliser.observe(observations)
         super().train(*args, **kwargs)  # type: ignore[misc]
-        self.normaliser.observe(client_part(self.rollout_buffer.observations))  # type: ignore[attr-defined]
+        if not is_first:
+            self.normaliser.observe(observations)
 
 
 class NormalisesSteps:
@@ -135,9 +159,7 @@ def write_beside(path: Path | BytesIO, algorithm: Any) -> None:
     """Add to a saved ZIP what its folded network no longer tells; stock SB3 does not look at it."""
     state = algorithm.policy.state_dict()
     names = [f"{layer}.{kind}" for layer in first_layers(algorithm.policy) for kind in ("weight", "bias")]
-    arrays = {
-        f"policy/{name}": state[name].numpy() for name in names if name in state
-    } | algorithm.normaliser.statistics
+    arrays = {f"policy/{name}": state[name].numpy() for name in names if name in state} | algorithm.normaliser.known()
     beside.write(path, MEMBER, arrays)
 
 

@@ -13,9 +13,11 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from agents_app.algorithms.normalising import Normaliser
 from agents_app.algorithms.weights import assign, flatten, parameters_of
 
 FULL_VOICE = 10  # updates
+FIRST_UPDATE = 2  # the publication after it
 PULL = 0.1  # towards the mean of the weights, after each update
 
 
@@ -36,7 +38,8 @@ class News(NamedTuple):
 
     voice: int  # how much it counts
     parameters: np.ndarray  # (P,)
-    change: np.ndarray  # (P,), by its own updates since it was heard last
+    change: np.ndarray | None  # (P,), by its own updates since it was heard last; None: it never was
+    buffers: np.ndarray = np.empty(0, np.float32)  # (W - P,), what it sees with
 
 
 class Averaging:
@@ -45,6 +48,7 @@ class Averaging:
     def __init__(self, policy: Any, others: Others) -> None:
         """The policy is about to learn."""
         self._policy, self._others = policy, others
+        self._normaliser = next((it for it in policy.modules() if isinstance(it, Normaliser)), None)
         self.parameters = parameters_of(policy)
         self._start = flatten(policy)[: self.parameters]  # of the update that comes
         self._total = np.zeros_like(self._start)  # of all changes by own updates
@@ -66,18 +70,22 @@ class Averaging:
         """Take over what others have learned, after a publication; returns whether there was anything to take.
 
         Buffers, in which observation normalisation is, stay one's own: peers may see other units (Li et al. 2021, FedBN).
+        Who has seen nothing yet sees as whoever knows most: the weights that it takes over would be of no use to it otherwise.
         """
         weights = flatten(self._policy)
-        own = weights[: self.parameters]
-        merged = self._merged(own, weights.size)
+        own, buffers = np.split(weights, [self.parameters])
+        news = list(self._news(weights.size))
+        merged = self._merged(own, news)
         self._start = own if merged is None else merged
         if merged is not None:
-            assign(self._policy, np.concatenate([merged, weights[self.parameters :]], dtype=np.float32))
+            if self._normaliser and not self._normaliser.has_seen:
+                buffers = max(news, key=lambda it: it.voice).buffers
+            assign(self._policy, np.concatenate([merged, buffers], dtype=np.float32))
         return merged is not None
 
-    def _merged(self, own: np.ndarray, size: int) -> np.ndarray | None:
+    def _merged(self, own: np.ndarray, news: list[News]) -> np.ndarray | None:
         """What to go on from; None: nobody has learned anything, or somebody diverges, who takes nobody along."""
-        if not (news := list(self._news(size))):
+        if not news:
             return None
         merged = merge(self._start, News(voice_of(self._published), own, own - self._start), news)
         return merged if np.isfinite(merged).all() else None
@@ -95,7 +103,11 @@ class Averaging:
                 continue
             total = said[size:].copy()
             self._heard[number] = version, total
-            yield News(voice_of(version), said[: self.parameters], total - (total if known is None else known))
+            if known is None and version == FIRST_UPDATE:
+                known = np.zeros_like(total)
+            if known is None or not np.array_equal(total, known):  # else it was read before it was announced
+                change = None if known is None else total - known
+                yield News(voice_of(version), said[: self.parameters], change, said[self.parameters : size])
 
 
 def merge(start: np.ndarray, own: News, news: list[News]) -> np.ndarray:
@@ -104,14 +116,15 @@ def merge(start: np.ndarray, own: News, news: list[News]) -> np.ndarray:
     Whoever has learned less than another is pulled the more: a newcomer takes over what is known.
     """
     everybody = [own, *news]
-    voices = np.array([it.voice for it in everybody], np.float32)
-    changed = start + _mean(voices, [it.change for it in everybody])
-    pull = 1.0 - (1.0 - PULL) * min(1.0, float(voices[0] / voices[1:].max()))
-    return changed + np.float32(pull) * (_mean(voices, [it.parameters for it in everybody]) - changed)
+    changed = start + _mean([(it.voice, it.change) for it in everybody if it.change is not None])
+    kept = np.float32((1.0 - PULL) * min(1.0, own.voice / max(it.voice for it in news)))
+    return kept * changed + (1 - kept) * _mean([(it.voice, it.parameters) for it in everybody])
 
 
-def _mean(voices: np.ndarray, vectors: list[np.ndarray]) -> np.ndarray:
-    return sum(share * vector for share, vector in zip(voices / voices.sum(), vectors, strict=True))
+def _mean(said: list[tuple[int, np.ndarray]]) -> np.ndarray:
+    """By voices. Of those who have none, nothing."""
+    loudness = max(1, sum(voice for voice, _ in said))
+    return sum((np.float32(voice / loudness) * vector for voice, vector in said), np.zeros_like(said[0][1]))
 
 
 def voice_of(publications: int) -> int:

@@ -23,6 +23,7 @@ TEN_EPOCHS = ZOO | {"n_epochs": 10}  # as in SB3's defaults: faster than four, a
 # Of ADR 0016: updates are frequent, and each goes far, for what four executions have learned is averaged after each.
 QUICK = TEN_EPOCHS | {"n_steps": 512, "learning_rate": 0.001}
 EPISODES_QUICK = {1: 1200, 4: 600}
+EPISODES_QUICK_SERVED = {1: 800, 4: EPISODES_SERVED}
 SERVER_QUICK = "Lunar Lander, through the server, quick updates"
 AVERAGING = "Lunar Lander, in one process, quick updates"
 EPISODES_BEST = {1: 1200, 4: 900}
@@ -71,7 +72,8 @@ def quick(clients: int, averaging: bool) -> InLockstep:
 
 def quick_over_http(clients: int, averaging: bool) -> OverHTTP:
     """The same through the server."""
-    return replace(over_http(clients, THESIS), parameters=QUICK, averaging=averaging)
+    task = replace(over_http(clients, THESIS), parameters=QUICK, averaging=averaging)
+    return replace(task, episodes=EPISODES_QUICK_SERVED[clients])
 
 
 REMARK = (

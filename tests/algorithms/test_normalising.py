@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
@@ -30,6 +31,28 @@ def far(count: int, seed: int = 0) -> np.ndarray:
     return (rng.normal(size=(count, 3)) * [1000.0, 0.01, 0.0] + [3000.0, -1.0, 7.0]).astype(np.float32)
 
 
+class Far(gym.Env[np.ndarray, Any]):
+    """Has such observations; a step brings 1, and every hundredth ends an episode."""
+
+    observation_space = gym.spaces.Box(-1e6, 1e6, (3,))
+
+    def __init__(self, actions: Any) -> None:
+        self.action_space = make_spec("PPO", actions, WIDE).actions()
+        self.observations, self.steps = far(1000), 0
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[np.ndarray, dict[str, Any]]:
+        super().reset(seed=seed)
+        return self.observations[self.steps % 1000], {}
+
+    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        self.steps += 1
+        return self.observations[self.steps % 1000], 1.0, self.steps % 100 == 0, False, {}
+
+    def action_masks(self) -> np.ndarray:
+        """For MaskablePPO: all may be chosen."""
+        return np.ones(DISCRETE, bool)
+
+
 def normalising(name: str, actions: Any, seed: int = 1, **fields: Any) -> tuple[AgentSpec, Any]:
     """An algorithm that has seen 500 observations."""
     spec = make_spec(name, actions, WIDE, ON, **fields)
@@ -52,6 +75,32 @@ def test_the_statistics_are_those_of_all_batches_together() -> None:
 def test_it_changes_nothing_before_it_has_seen_anything() -> None:
     rows = th.from_numpy(far(5))
     assert th.equal(Normaliser(3)(rows), rows)
+
+
+@pytest.mark.parametrize(("name", "actions"), [it for it in EVERY if get_row(it[0]).family != "off_policy"])
+def test_the_first_update_sees_its_observations_normalised_already(name: str, actions: Any) -> None:
+    algorithm = builder.build(make_spec(name, actions, WIDE, ON), Far(actions), 1)
+    seen: list[np.ndarray] = []
+    algorithm.normaliser.register_forward_hook(lambda _, __, out: seen.append(out.detach().numpy()))
+    algorithm.learn(600)
+    learned = np.concatenate([batch for batch in seen if len(batch) > 1])
+    assert np.abs(learned).max() < 50  # A2C learns from five steps; 3000 as they came
+    assert algorithm.normaliser.statistics["count"] == algorithm.num_timesteps  # each once
+
+
+def test_statistics_that_came_with_the_weights_of_another_last_until_there_are_own(tmp_path: Path) -> None:
+    spec, known = normalising("PPO", DISCRETE)
+    newcomer = builder.build(spec, known.env, seed=5)
+    assert newcomer.normaliser.is_blank
+    assign(newcomer.policy, flatten(known.policy))
+    builder.export(newcomer, spec, tmp_path / "model.zip")
+    restored = builder.build(spec, known.env, seed=6)
+    builder.restore(restored, tmp_path / "model.zip")
+    for each in (newcomer, restored):
+        assert flatten(each.policy) == pytest.approx(flatten(known.policy), rel=1e-6)
+        each.normaliser.observe(far(2000, seed=7) * 2)
+        np.testing.assert_allclose(each.normaliser.mean, (far(2000, seed=7) * 2).mean(0), rtol=1e-2)
+        assert each.normaliser.statistics["count"] == 2001
 
 
 @pytest.mark.parametrize(("name", "actions"), EVERY)

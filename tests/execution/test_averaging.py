@@ -58,12 +58,21 @@ def test_what_a_peer_began_with_long_ago_holds_nobody_back(
     assert merged == pytest.approx(0.9 * (start + change) + 0.1 * (start + change + old) / 2, abs=1e-4)
 
 
+@given(NUMBERS, NUMBERS, NUMBERS)
+def test_whoever_is_heard_for_the_first_time_does_not_halve_what_one_has_learned(
+    start: np.ndarray, change: np.ndarray, known: np.ndarray
+) -> None:
+    merged = merge(start, News(FULL_VOICE, start + change, change), [News(FULL_VOICE, known, None)])
+    assert merged == pytest.approx(0.9 * (start + change) + 0.1 * (start + change + known) / 2, abs=1e-4)
+
+
 def test_voices_grow_with_what_was_learned() -> None:
     assert [voice_of(publications) for publications in (1, 2, 5, 500)] == [0, 1, 4, FULL_VOICE]
 
 
 def test_what_two_learn_reaches_both(station: Station) -> None:
     policy, size = station.algorithm.policy, parameters_of(station.algorithm.policy)
+    station.algorithm.normaliser.observe(np.random.default_rng(1).normal(5.0, 2.0, (100, 3)))
     begun, averaging = flatten(policy), Averaging(policy, station.peers)
     averaging.publication(begun)
     assert not averaging.go_on()
@@ -98,6 +107,32 @@ def test_nobody_is_heard_before_it_has_learned(station: Station) -> None:
     assert flatten(station.algorithm.policy)[:size] == pytest.approx(begun[:size] + 1, abs=1e-5)
 
 
+def test_what_two_learn_at_first_reaches_both_once(station: Station) -> None:
+    policy, size = station.algorithm.policy, parameters_of(station.algorithm.policy)
+    begun, averaging = flatten(policy), Averaging(policy, station.peers)
+    averaging.publication(begun)
+    learned = np.concatenate([begun[:size] + 2, begun[size:]])
+    assign(policy, learned)
+    averaging.publication(learned)
+    publish(station.peers, 2, begun, np.zeros(size))
+    publish(station.peers, 2, np.concatenate([begun[:size] + 4, begun[size:]]), np.full(size, 4.0))
+    assert averaging.go_on()
+    assert flatten(policy)[:size] == pytest.approx(begun[:size] + 3, abs=1e-5)
+    publish(station.peers, 2, begun, np.full(size, 4.0))  # announced once more
+    assert not averaging.go_on()
+
+
+def test_whoever_goes_on_from_a_save_sees_with_its_own_statistics(station: Station) -> None:
+    policy, size = station.algorithm.policy, parameters_of(station.algorithm.policy)
+    station.algorithm.normaliser.observe(np.random.default_rng(1).normal(5.0, 2.0, (100, 3)))
+    begun, averaging = flatten(policy), Averaging(policy, station.peers)
+    averaging.publication(begun)
+    publish(station.peers, 2, begun + 3, np.ones(size), times=2)
+    assert averaging.go_on()
+    assert flatten(policy)[:size] == pytest.approx(begun[:size] + 3, abs=1e-4)
+    assert np.array_equal(flatten(policy)[size:], begun[size:])
+
+
 @pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
 def test_a_peer_that_diverges_takes_nobody_along(station: Station) -> None:
     begun, size = flatten(station.algorithm.policy), parameters_of(station.algorithm.policy)
@@ -118,7 +153,7 @@ def test_a_newcomer_acts_on_what_is_known_before_it_has_learned(station: Station
     station.wait_until(lambda: station.step() and station.learned_from > 1 and not station.worker.averaging.is_new)
     assert station.algorithm._n_updates == 0
     station.worker.refresh()
-    assert flatten(station.worker.actor.policy)[:size] == pytest.approx(begun[:size] + 3, abs=1e-4)
+    assert flatten(station.worker.actor.policy) == pytest.approx(begun + 3, abs=1e-4)  # and sees as those who know do
     publish(station.peers, 2, begun + 9, np.ones(size))
     station.step()
     assert flatten(station.algorithm.policy)[:size] == pytest.approx(

@@ -175,12 +175,14 @@ class RedisChild(ExecutionLoop):
     def put_policy(self, weights: np.ndarray) -> None:
         """A value; the peers are told that there is a new one."""
         self.weights = weights.astype(np.float32).tobytes()
-        self.condition.published += 1
         hint, lifetime = msgpack.packb({"k": "peers"}), keys.ms(keys.REPLY)
         inboxes = [keys.inbox(uid) for uid in self.peers.uids()]
         tell = [command for name in inboxes for command in (("RPUSH", name, hint), ("PEXPIRE", name, lifetime))]
         try:
-            self.wire.ask(("SET", keys.weights(self.spec.uid), self.weights, "PX", keys.ms(keys.AGENT)))
+            try:
+                self.wire.ask(("SET", keys.weights(self.spec.uid), self.weights, "PX", keys.ms(keys.AGENT)))
+            finally:
+                self.condition.published += 1  # whoever hears of it finds it
             self.beat()
             if tell:
                 self.wire.ask(*tell)
@@ -232,6 +234,6 @@ class RedisChild(ExecutionLoop):
             self.desk.throttled_until = time.monotonic() + pause
 
     def _ask_for_peers(self) -> None:
-        if self.worker.advisors is not None:
+        if self.worker.advisors is not None or self.worker.averaging is not None:
             time_, raw = self.wire.ask(("TIME",), ("HGETALL", keys.peers(self.spec.run)))
             self.peers.read(raw, seconds(time_))
