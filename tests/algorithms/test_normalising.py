@@ -12,7 +12,7 @@ import torch as th
 
 from agents_app.algorithms import builder
 from agents_app.algorithms.actor import advice_weights, advising_policy
-from agents_app.algorithms.normalising import Normaliser
+from agents_app.algorithms.normalising import BORROWED, Normaliser
 from agents_app.algorithms.registry import ROWS, get_row
 from agents_app.algorithms.spec import AgentSpec
 from agents_app.algorithms.weights import assign, flatten
@@ -99,8 +99,8 @@ def test_statistics_that_came_with_the_weights_of_another_last_until_there_are_o
     for each in (newcomer, restored):
         assert flatten(each.policy) == pytest.approx(flatten(known.policy), rel=1e-6)
         each.normaliser.observe(far(2000, seed=7) * 2)
-        np.testing.assert_allclose(each.normaliser.mean, (far(2000, seed=7) * 2).mean(0), rtol=1e-2)
-        assert each.normaliser.statistics["count"] == 2001
+        np.testing.assert_allclose(each.normaliser.mean, (far(2000, seed=7) * 2).mean(0), rtol=0.05)
+        assert each.normaliser.statistics["count"] == 2000 + BORROWED
 
 
 @pytest.mark.parametrize(("name", "actions"), EVERY)
