@@ -70,6 +70,8 @@ def entries_of(row: Row) -> Iterator[Entry]:
         kind = type_of(parameter.annotation)
         if kind is not None and name not in LEFT_OUT:
             yield _entry(name, kind, parameter.default, plain.get(name) or docs.get(name, ""), replays)
+        if name == "learning_rate":
+            yield _entry("learning_rate_end", ParameterType.FLOAT, None, texts.LEARNING_RATE_END)
     yield _net_arch(row)
     if row.normalises:
         by_default = row.name in NORMALISING
@@ -77,8 +79,7 @@ def entries_of(row: Row) -> Iterator[Entry]:
     if "action_noise" in signature:
         default = "normal 0.1" if row.name in ("TD3", "DDPG") else ""  # these two explore in no other way
         yield _entry("action_noise", ParameterType.STR, default, texts.ACTION_NOISE)
-    if "exploration_fraction" in signature:
-        yield _entry("total_timesteps", ParameterType.INT, 100_000, texts.TOTAL_TIMESTEPS)
+    yield _entry("total_timesteps", ParameterType.INT, 100_000, texts.TOTAL_TIMESTEPS)
 
 
 def _net_arch(row: Row) -> Entry:

@@ -35,7 +35,14 @@ ACTION_NOISE = (
     "Noise added to the actions to explore: 'normal 0.1' (independent at each step) or 'ou 0.1' (drifting), with the "
     "size of the noise; 'normal 0' is none."
 )
-TOTAL_TIMESTEPS = "Over how many steps the schedules (e.g. of exploration) run. Learning goes on after them."
+LEARNING_RATE_END = (
+    "What the learning rate falls to, evenly over total_timesteps; it stays there afterwards. Large steps learn quickly, small "
+    "ones in the end more exactly. Empty: it does not fall."
+)
+TOTAL_TIMESTEPS = (
+    "Over how many steps of each execution the learning rate falls, if it does, and exploration declines, where it is by "
+    "random actions. Learning goes on after them."
+)
 
 PARAMETERS = {
     "learning_rate": "How large the steps of learning are. Too large is unstable, too small is slow.",
@@ -120,6 +127,7 @@ POSITIVE, SHARE = (1e-8, None), (0, 1)
 LARGEST = 2**31 - 1
 BOUNDS: dict[str, tuple[float | None, float | None]] = {
     "learning_rate": (1e-8, 10),
+    "learning_rate_end": (0, 10),
     "n_steps": (2, 1_000_000),
     "batch_size": (2, 1_000_000),
     "n_epochs": (1, 1000),

@@ -84,6 +84,8 @@ def _unsuitable(agent: Agent, values: dict[str, Any]) -> Iterator[tuple[str, str
         yield "net_arch", "LinearPolicy has no hidden layers: choose MlpPolicy as the policy type first."
     if (values.get("n_top") or 0) > values.get("n_delta", 0):
         yield "n_top", f"Write at most the value of n_delta, {values['n_delta']}."
+    if (values.get("learning_rate_end") or 0) > values["learning_rate"]:
+        yield "learning_rate_end", f"Write at most the learning_rate, {values['learning_rate']}, from which it falls."
     by_samples = (agent.advice_method, agent.continuous_advice) == (mixing.INTERSECTION, mixing.BY_SAMPLING)
     if by_samples and agent.algorithm.name in DETERMINISTIC and not str(values.get("action_noise") or "").strip():
         yield (

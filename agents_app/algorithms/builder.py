@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from importlib import import_module
 from io import BytesIO
 from pathlib import Path
@@ -14,6 +15,7 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.noise import ActionNoise, NormalActionNoise, OrnsteinUhlenbeckActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file, recursive_setattr, save_to_zip_file
+from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv
 from torch.nn.utils import parameters_to_vector
 
@@ -134,6 +136,8 @@ def _arguments(spec: AgentSpec) -> tuple[dict[str, Any], int]:
     """Constructor arguments, and the horizon of the schedules in steps."""
     given = {name: value for name, value in spec.parameters.items() if name != "seed"}
     horizon = int(given.pop("total_timesteps", 100_000))
+    if (end := given.pop("learning_rate_end", None)) is not None:
+        given["learning_rate"] = LinearSchedule(_learning_rate(spec), float(end), end_fraction=1.0)
     if layers := str(given.pop("net_arch", "")):
         given["policy_kwargs"] = {"net_arch": [size for size in map(int, layers.replace(",", " ").split()) if size]}
     if "action_noise" in given:
@@ -142,6 +146,11 @@ def _arguments(spec: AgentSpec) -> tuple[dict[str, Any], int]:
         if isinstance(given.get(name), str):
             given[name] = _number_or_text(given[name])
     return given, max(1, horizon)
+
+
+def _learning_rate(spec: AgentSpec) -> float:
+    signature = inspect.signature(get_row(spec.algorithm).load().__init__).parameters
+    return float(spec.parameters.get("learning_rate", signature["learning_rate"].default))
 
 
 def _number_or_text(text: str) -> float | str:

@@ -13,7 +13,7 @@ from agents_app.models import Algorithm, Parameter, ParameterType
 from agents_app.models.catalogue import check_value
 
 pytestmark = pytest.mark.django_db
-OWN = {"net_arch", "normalize_observations", "action_noise", "total_timesteps"}
+OWN = {"learning_rate_end", "net_arch", "normalize_observations", "action_noise", "total_timesteps"}
 
 
 def parameter(algorithm, name):
@@ -69,6 +69,14 @@ def test_types_follow_the_annotations():
     assert parameter("PPO", "target_kl").default is None
 
 
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+def test_every_learning_rate_can_fall(row):
+    names = list(Parameter.objects.filter(algorithm__name=row.name).order_by("position").values_list("name", flat=True))
+    assert names[names.index("learning_rate") + 1] == "learning_rate_end"
+    assert parameter(row.name, "learning_rate_end").default is None
+    assert parameter(row.name, "total_timesteps").default == 100_000
+
+
 def test_a_docstring_explains_what_has_no_plain_words():
     texts = catalogue.docstring_parameters(get_row("PPO").load())
     assert texts["gamma"] == "Discount factor"
@@ -102,6 +110,7 @@ def test_filling_mends_what_was_changed_and_unlists_what_vanished():
         ("PPO", "gamma", 1.1),
         ("PPO", "gamma", -0.1),
         ("PPO", "learning_rate", 0.0),
+        ("PPO", "learning_rate_end", -1e-4),
         ("PPO", "gamma", float("nan")),
         ("PPO", "n_steps", 0),
         ("PPO", "net_arch", "64;64"),
@@ -135,6 +144,7 @@ def test_values_out_of_bounds_are_refused_in_words(algorithm, name, value):
         ("TD3", "action_noise", "normal 0"),
         ("TD3", "action_noise", ""),
         ("BDPI", "alpha", 1.0),
+        ("BDPI", "learning_rate_end", 0.0),
     ],
 )
 def test_texts_that_can_be_read_are_taken(algorithm, name, value):

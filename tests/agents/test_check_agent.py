@@ -251,6 +251,17 @@ def test_advice_by_samples_needs_to_know_how_probable_actions_are(algorithm):
         services.set_parameters(other, {"action_noise": ""})
 
 
+def test_a_learning_rate_falls_and_does_not_rise():
+    one = agent("PPO")
+    one.save()
+    services.set_parameters(one, {"learning_rate_end": 0.0003})
+    for changes in ({"learning_rate_end": 0.001}, {"learning_rate": 0.0001}):
+        with pytest.raises(ValidationError) as caught:
+            services.set_parameters(one, changes)
+        assert "Write at most the learning_rate" in caught.value.message_dict["learning_rate_end"][0]
+    services.set_parameters(one, {"learning_rate": 0.0001, "learning_rate_end": 0.0})
+
+
 def test_an_advisor_is_another_agent_of_the_owner_that_sees_and_does_the_same():
     young, said = make_agent("young"), []
     foreign = make_agent("foreign", "somebody")

@@ -13,7 +13,7 @@ from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckA
 
 from agents_app.algorithms.actor import Actor
 from agents_app.algorithms.advice import neutral_advice, with_advice
-from agents_app.algorithms.builder import family_of
+from agents_app.algorithms.builder import ENDLESS, family_of
 from agents_app.algorithms.registry import ROWS, get_row
 from agents_app.algorithms.spec import see
 from agents_app.algorithms.weights import assign, flatten
@@ -193,6 +193,18 @@ class TestParameters:
         assert [layer.out_features for layer in policy.mlp_extractor.policy_net if hasattr(layer, "out_features")] == [
             12, 7
         ]  # fmt: skip
+
+    @pytest.mark.parametrize("name", NAMES)
+    def test_the_learning_rate_falls_over_the_horizon_and_stays_there(self, name: str) -> None:
+        falling = {"learning_rate": 0.01, "learning_rate_end": 0.002, "total_timesteps": 100}
+        algorithm = built(make_spec(name, first_actions(name), parameters=falling))
+        for steps, rate in ((0, 0.01), (50, 0.006), (100, 0.002), (1000, 0.002)):
+            algorithm._update_current_progress_remaining(steps, ENDLESS)
+            assert algorithm.lr_schedule(algorithm._current_progress_remaining) == pytest.approx(rate)
+
+    def test_it_falls_from_the_default(self) -> None:
+        schedule = built(make_spec("BDPI", parameters={"learning_rate_end": 0.0})).lr_schedule
+        assert (schedule(1.0), schedule(0.0)) == (1e-4, 0.0)
 
     def test_noise_is_read(self) -> None:
         for text, kind in (("normal 0.3", NormalActionNoise), ("ou 0.3", OrnsteinUhlenbeckActionNoise)):

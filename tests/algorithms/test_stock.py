@@ -8,12 +8,14 @@ draws from a generator of its own; that the curves over HTTP are those in proces
 
 from __future__ import annotations
 
+import inspect
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch as th
+from stable_baselines3.common.utils import LinearSchedule
 
 from agents_app.algorithms.builder import build, family_of
 from agents_app.algorithms.policies import policy_name
@@ -27,16 +29,21 @@ KINDS = [(row.name, isinstance(actions, int)) for row in ROWS for actions in act
 FUSED = ("PPO", "TRPO", "MaskablePPO", "PolicyGradient")
 
 
-def ours(name: str, discrete: bool) -> Any:
-    """The algorithm after some steps, as executions build it."""
+def ours(name: str, discrete: bool, end: float | None = None) -> Any:
+    """The algorithm after some steps, as executions build it. `end`: what its learning rate falls to."""
     spec, env = make(name, discrete)
+    if end is not None:
+        spec.parameters.update(learning_rate_end=end)
     return build(spec, env, SEED).learn(STEPS)
 
 
-def stock(name: str, discrete: bool, **policy_kwargs: Any) -> Any:
+def stock(name: str, discrete: bool, end: float | None = None, **policy_kwargs: Any) -> Any:
     """The stock class after as many steps."""
     spec, env = make(name, discrete)
     row, parameters = get_row(name), dict(spec.parameters)
+    if end is not None:
+        start = inspect.signature(row.load().__init__).parameters["learning_rate"].default
+        parameters["learning_rate"] = LinearSchedule(start, end, 1.0)
     for ours_alone in ("total_timesteps", "action_noise"):
         parameters.pop(ours_alone, None)
     if sizes := parameters.pop("net_arch", None):
@@ -52,10 +59,11 @@ def make(name: str, discrete: bool) -> tuple[Any, Any]:
     return spec, (Free() if name == "MaskablePPO" else Identity()) if discrete else Point()
 
 
+@pytest.mark.parametrize("end", [None, 0.0], ids=["", "its rate falls"])
 @pytest.mark.parametrize(("name", "discrete"), KINDS, ids=[f"{n}, {'choice' if d else 'number'}" for n, d in KINDS])
-def test_it_learns_the_very_same(name: str, discrete: bool) -> None:
+def test_it_learns_the_very_same(name: str, discrete: bool, end: float | None) -> None:
     kwargs = family_of(make(name, discrete)[0]).POLICY_KWARGS if name != "A2C" else {}  # A2C has RMSprop
-    one, other = ours(name, discrete), stock(name, discrete, **kwargs)
+    one, other = ours(name, discrete, end), stock(name, discrete, end, **kwargs)
     assert one._n_updates == other._n_updates > 0
     state, expected = one.policy.state_dict(), other.policy.state_dict()
     assert state.keys() == expected.keys()
