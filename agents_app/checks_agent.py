@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,7 @@ HAS_LEARNED = "The agent has learned with another value: reset its learning firs
 LINEAR = "LinearPolicy"
 NO_ADVICE = "none"
 DETERMINISTIC = {"TD3", "DDPG"}  # algorithms whose policy is one action
+STILL = re.compile(r"\s*|\w+ [0.]+(e-?\d+)?")  # action_noise that is none, such as "normal 0"
 
 
 def check_agent(agent: Agent) -> None:
@@ -87,7 +89,7 @@ def _unsuitable(agent: Agent, values: dict[str, Any]) -> Iterator[tuple[str, str
     if (values.get("learning_rate_end") or 0) > values["learning_rate"]:
         yield "learning_rate_end", f"Write at most the learning_rate, {values['learning_rate']}, from which it falls."
     by_samples = (agent.advice_method, agent.continuous_advice) == (mixing.INTERSECTION, mixing.BY_SAMPLING)
-    if by_samples and agent.algorithm.name in DETERMINISTIC and not str(values.get("action_noise") or "").strip():
+    if by_samples and agent.algorithm.name in DETERMINISTIC and STILL.fullmatch(values.get("action_noise") or ""):
         yield (
             "action_noise",
             (
@@ -244,7 +246,7 @@ def _check_averaging(agent: Agent, algorithm: Algorithm) -> None:
     if unable and agent._state.adding:
         agent.averaging = False
     elif unable and agent.averaging:
-        raise ValidationError({"averaging": f"{algorithm} learns at every step, not after many: write no."})
+        raise ValidationError({"averaging": averages_nothing(algorithm)})
 
 
 def _check_advisor(agent: Agent, advisor: Agent) -> None:
@@ -260,6 +262,11 @@ def _check_advisor(agent: Agent, advisor: Agent) -> None:
         sentence = f"{advisor} has other actions or observations: choose an agent with the same."
     if sentence:
         raise ValidationError({"advisor": sentence})
+
+
+def averages_nothing(algorithm: Algorithm) -> str:
+    """What to write instead."""
+    return f"{algorithm} learns at every step, not after many: write no."
 
 
 def takes_no_advice(algorithm: Algorithm) -> str:

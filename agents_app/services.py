@@ -14,7 +14,8 @@ from django.db import transaction
 from django.db.models import QuerySet
 from django.utils import timezone
 
-from agents_app.checks_agent import NO_ADVICE, check_parameters, takes_no_advice
+from agents_app.algorithms.registry import get_row
+from agents_app.checks_agent import NO_ADVICE, averages_nothing, check_parameters, takes_no_advice
 from agents_app.fleet import get_fleet
 from agents_app.models import (
     ActionTally,
@@ -39,6 +40,8 @@ def create_agent(owner: User, fields: dict[str, Any], parameters: dict[str, Any]
     agent = Agent(owner=owner, **fields)
     if fields.get("advice_method", NO_ADVICE) != NO_ADVICE and not agent.algorithm.advice:
         raise ValidationError({"advice_method": takes_no_advice(agent.algorithm)})
+    if fields.get("averaging", False) and not get_row(agent.algorithm.name).averages:
+        raise ValidationError({"averaging": averages_nothing(agent.algorithm)})
     with transaction.atomic():
         agent.full_clean()
         agent.save()
@@ -77,15 +80,18 @@ def _set_parameter(agent: Agent, parameter: Parameter, value: Any) -> None:
 
 def parse_value(parameter: Parameter, text: str) -> Any:
     """The value that a text means for a parameter. Raises ValidationError when it means none."""
-    words = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+    types = {ParameterType.BOOL: parse_truth, ParameterType.INT: int, ParameterType.FLOAT: float}
     try:
-        if parameter.type == ParameterType.BOOL:
-            return words[text.strip().lower()]
-        types = {ParameterType.INT: int, ParameterType.FLOAT: float, ParameterType.STR: str}
-        return types[ParameterType(parameter.type)](text)
+        return types.get(ParameterType(parameter.type), str)(text)
     except (KeyError, ValueError):
         label = ParameterType(parameter.type).label
         raise ValidationError(f"{parameter.name} is {text!r}: write a {label}, e.g. {parameter.default}.") from None
+
+
+def parse_truth(text: str) -> bool:
+    """Yes or no. Raises KeyError when it is neither."""
+    words = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+    return words[text.strip().lower()]
 
 
 def tell_fleet(agent: Agent, changed: Iterable[str]) -> None:

@@ -241,9 +241,10 @@ def test_advice_by_samples_needs_to_know_how_probable_actions_are(algorithm):
     by_samples = {"advice_method": "intersection", "continuous_advice": "sampling"}
     one = agent(algorithm, REAL, **by_samples)
     one.save()
-    with pytest.raises(ValidationError) as caught:
-        services.set_parameters(one, {"action_noise": ""})
-    assert "write e.g. normal 0.1" in caught.value.message_dict["action_noise"][0]
+    for none in ("", "normal 0", "ou 0.0"):
+        with pytest.raises(ValidationError) as caught:
+            services.set_parameters(one, {"action_noise": none})
+        assert "write e.g. normal 0.1" in caught.value.message_dict["action_noise"][0]
     services.set_parameters(one, {"action_noise": "normal 0.2"})
     for other in (agent(algorithm, REAL), agent("SAC", REAL, **by_samples)):
         other.name = other.algorithm.name

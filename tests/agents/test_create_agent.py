@@ -66,6 +66,17 @@ def test_another_agent_of_the_owner_advises():
     assert (str(young.advisor_id), young.advisor_save, young.peers_advise) == (old["id"], "best", False)
 
 
+def test_yes_and_no_are_read_as_in_the_administration():
+    for text, value in (("no", False), ("yes", True), ("False", False), ("1", True)):
+        assert Agent.objects.get(pk=run(f"--set=averaging={text}", name=text)["id"]).averaging is value
+
+
+def test_actions_can_have_features():
+    table = [[1, 0], [0.5, 1], [0, 0], [0, 1]]
+    printed = run(f"--set=action_features={json.dumps(table)}")
+    assert Agent.objects.get(pk=printed["id"]).action_features == table
+
+
 @pytest.mark.parametrize("method", Agent.AdviceMethod.values)
 def test_every_advice_method_can_be_chosen(method):
     agent = Agent.objects.get(pk=run(f"--advice={method}", "--set=advisors=best", "--set=psi=0.2")["id"])
@@ -88,6 +99,14 @@ def test_every_advice_method_can_be_chosen(method):
         (["--parameter=gamma=2"], {}, "write 1 or less"),
         (["--parameter=gamma"], {}, "write NAME=VALUE"),
         (["--set=colour=red"], {}, "is no field"),
+        (["--set=averaging=often"], {}, "averaging: 'often' is neither: write yes or no"),
+        (
+            ["--set=averaging=yes"],
+            {"algorithm": "DQN"},
+            "averaging: DQN learns at every step, not after many: write no",
+        ),
+        (["--set=action_features=many"], {}, "action_features: 'many' is no JSON"),
+        (["--set=action_features=[[1]]"], {}, "action_features: Write 4 rows"),
         (["--origin=example.org"], {}, "is no origin"),
         (["--set=rho=2"], {}, "less than or equal to 1"),
         (["--set=max_executions=many"], {}, "must be an integer"),

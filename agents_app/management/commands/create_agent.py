@@ -9,7 +9,7 @@ from typing import Any
 from django.core.exceptions import NON_FIELD_ERRORS, ValidationError
 from django.core.management.base import BaseCommand, CommandError
 from django.db import transaction
-from django.db.models import BooleanField
+from django.db.models import BooleanField, JSONField
 
 from agents_app import services
 from agents_app.models import Agent, Algorithm, APIKey, User
@@ -74,7 +74,7 @@ def fields_of(options: dict[str, Any]) -> dict[str, Any]:
     """The agent's fields as the options say."""
     fields = {"name": options["name"], "policy": options["policy"]}
     for name in ("action_space", "observation_space"):
-        fields[name] = space(name, options[name])
+        fields[name] = from_json(name, options[name], "4, or [[8], -10, 10]")
     if options["advice"]:
         fields["advice_method"] = options["advice"]
     fields |= {name: options[name] for name in ("rho", "advisor") if options[name] is not None}
@@ -91,12 +91,12 @@ def advisor_of(owner: User, name: str) -> Agent:
     return advisor
 
 
-def space(name: str, text: str) -> Any:
-    """A space's specification from JSON."""
+def from_json(name: str, text: str, example: str) -> Any:
+    """A field's value. Raises ValidationError."""
     try:
         return json.loads(text)
     except ValueError:
-        raise ValidationError({name: f"{text!r} is no JSON: write e.g. 4, or [[8], -10, 10]."}) from None
+        raise ValidationError({name: f"{text!r} is no JSON: write e.g. {example}."}) from None
 
 
 def field(text: str) -> tuple[str, Any]:
@@ -104,12 +104,22 @@ def field(text: str) -> tuple[str, Any]:
     name, value = pair(text)
     if name not in SETTABLE:
         raise ValidationError(f"{name} is no field of an agent: write one of {', '.join(sorted(SETTABLE))}.")
+    if isinstance(SETTABLE[name], JSONField):
+        return name, from_json(name, value, "[[1, 0], [0.5, 1]]")
     if isinstance(SETTABLE[name], BooleanField):
-        value = value.capitalize()
+        return name, truth(name, value)
     try:
         return name, SETTABLE[name].to_python(value)
     except ValidationError as error:
         raise ValidationError({name: error.messages}) from None
+
+
+def truth(name: str, text: str) -> bool:
+    """Yes or no. Raises ValidationError."""
+    try:
+        return services.parse_truth(text)
+    except KeyError:
+        raise ValidationError({name: f"{text!r} is neither: write yes or no."}) from None
 
 
 def pair(text: str) -> tuple[str, str]:
