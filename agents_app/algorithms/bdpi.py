@@ -273,10 +273,11 @@ def correct_intersection(greedy: th.Tensor, own: th.Tensor, advice: th.Tensor) -
 def as_intersected(advice: th.Tensor, weight: float) -> th.Tensor:
     """The advice with which Policy Intersection prefers the same actions as the geometric mean, (..., A): pi_A^(w N).
 
-    pi_L^(1 / (1 + w N)) pi_A^(w N / (1 + w N)) is a power of pi_L pi_A^(w N). N is the sum of the advice.
+    pi_L^(1 / (1 + w N)) pi_A^(w N / (1 + w N)) is a power of pi_L pi_A^(w N). N is the sum of the advice. Brought to a largest
+    number of 1, for a power of even advice on many actions would be nearly 0; eq. 3.4 has ratios alone.
     """
     advisors = advice.sum(-1, keepdim=True)
-    return (advice / advisors) ** (weight * advisors)
+    return (advice / advice.amax(-1, keepdim=True)) ** (weight * advisors)
 
 
 def correct_reuse(greedy: th.Tensor, advice: th.Tensor, psi: float) -> th.Tensor:

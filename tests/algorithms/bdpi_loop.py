@@ -80,9 +80,23 @@ class LoopBDPI:
         with th.no_grad():
             critic = self.critics[index][(self.model.q_loops - 1) % 2]
             own = self.actor(inputs).softmax(-1)
-            target = (1 - rate) * own + rate * one_hot(critic(inputs).argmax(-1), own.shape[-1])
+            greedy = one_hot(critic(inputs).argmax(-1), own.shape[-1]).to(own.dtype)
+            if batches.advice is not None:
+                greedy = th.stack(
+                    [self._corrected(*each) for each in zip(greedy, own, batches.advice[index], strict=True)]
+                )
+            target = ((1 - rate) * own + rate * greedy).clamp(0, 1)
         for _ in range(self.model.fit_steps):
             _step(self.actor_adam, mse_loss(self.actor(inputs).softmax(-1), target))
+
+    def _corrected(self, greedy: th.Tensor, own: th.Tensor, advice: th.Tensor) -> th.Tensor:
+        """At one state, (A,): eq. 3.4, or eq. 6.1, as the thesis writes them. Advice that is 1 for each action is of nobody."""
+        if bool((advice == 1).all()):
+            return greedy
+        if self.model.policy.mixing.method == "reuse":
+            psi = self.model.policy.mixing.psi
+            return (greedy - psi * advice) / (1 - psi)
+        return greedy * (own * advice).sum() / advice
 
 
 def _transitions(batches: Batches) -> tuple[th.Tensor, ...]:

@@ -13,7 +13,7 @@ from gymnasium import spaces
 
 from agents_app.algorithms import off_policy
 from agents_app.algorithms.advice import neutral_advice
-from agents_app.algorithms.bdpi import BDPI, Batches, as_intersected, correct_intersection, correct_reuse
+from agents_app.algorithms.bdpi import BDPI, Batches
 from agents_app.algorithms.ensemble import Ensemble, StackedAdam
 from agents_app.algorithms.mixing import Mixing
 from agents_app.algorithms.replay import Segment, Tape, TapeClosed
@@ -41,8 +41,8 @@ def make(env: gym.Env, **options: Any) -> BDPI:
     return BDPI(name, env, **QUICK | given | options)
 
 
-def make_batches(inputs: int, actions: int, critics: int, size: int) -> Batches:
-    """Random transitions, in double precision."""
+def make_batches(inputs: int, actions: int, critics: int, size: int, advised: bool = False) -> Batches:
+    """Random transitions, in double precision; `advised`: with random advice, of which every second is neutral."""
     shape, double = (critics, size), th.float64
     discounts = 0.99 * (th.rand(*shape, 1, dtype=double) > 0.1)
     return Batches(
@@ -51,18 +51,26 @@ def make_batches(inputs: int, actions: int, critics: int, size: int) -> Batches:
         th.randn(*shape, 1, dtype=double),
         th.randn(*shape, inputs, dtype=double),
         discounts,
-        None,
+        some_advice(critics, size, actions) if advised else None,
     )
 
 
+def some_advice(critics: int, size: int, actions: int) -> th.Tensor:
+    """Distributions, (N, B, A); every second is 1 for each action, as of nobody."""
+    advice = (3 * th.randn(critics, size, actions, dtype=th.float64)).softmax(-1)
+    advice[:, ::2] = 1.0
+    return advice
+
+
 # --- the ensemble ---
+@pytest.mark.parametrize("method", ["", "intersection", "reuse"])
 @pytest.mark.parametrize("q_loops", [1, 4])
-def test_the_batched_ensemble_gives_the_same_numbers_as_a_loop(q_loops):
-    model = make(gym.make("CartPole-v1"), n_critics=3, q_loops=q_loops)
+def test_the_batched_ensemble_gives_the_same_numbers_as_a_loop(q_loops, method):
+    model = make(gym.make("CartPole-v1"), n_critics=3, q_loops=q_loops, method=method or "intersection", psi=0.3)
     model.policy.double()
     loop = LoopBDPI(model)
     for _ in range(3):
-        batches = make_batches(inputs=4, actions=2, critics=3, size=16)
+        batches = make_batches(inputs=4, actions=2, critics=3, size=16, advised=bool(method))
         model.train_epoch(batches)
         loop.train(batches)
     probe = th.randn(3, 50, 4, dtype=th.float64)
@@ -189,33 +197,6 @@ def test_advice_that_is_a_reward_changes_no_action_and_no_target():
     plain, advised = make(Identity()).learn(80), make(Advised(Identity(), bad), method="shaping").learn(80)
     for ours, theirs in zip(advised.policy.parameters(), plain.policy.parameters(), strict=True):
         assert th.equal(ours, theirs)
-
-
-def test_eq_3_4_is_what_the_thesis_says():
-    own, advice = th.tensor([[0.5, 0.3, 0.2]]), th.tensor([[0.2, 0.7, 0.1]])
-    greedy = th.tensor([[0.0, 0.0, 1.0]])
-    expected = greedy * (own * advice).sum() / (advice + 1e-9)
-    th.testing.assert_close(correct_intersection(greedy, own, advice), expected)
-
-
-def test_eq_3_4_pulls_harder_the_more_the_advice_opposes():
-    own, greedy = th.full((1, 3), 1 / 3), th.tensor([[1.0, 0.0, 0.0]])
-    pulls = [correct_intersection(greedy, own, th.tensor([[p, 1 - p, 0.0]]))[0, 0].item() for p in (0.9, 0.5, 0.1)]
-    assert pulls == sorted(pulls) and pulls[0] < 1 < pulls[2]
-
-
-def test_the_geometric_mean_is_corrected_as_the_intersection_with_the_advice_that_prefers_the_same():
-    own, advice = th.tensor([[0.5, 0.3, 0.2]]), th.tensor([[0.2, 0.7, 0.1]])
-    th.testing.assert_close(as_intersected(advice, 1.0), advice)
-    mean, product = own**0.2 * advice**0.8, own * as_intersected(2 * advice, 2.0)  # of two advisors, weight 2 each
-    th.testing.assert_close(mean / mean.sum(), product**0.2 / (product**0.2).sum())
-    greedy = th.tensor([[0.0, 1.0, 0.0]])
-    assert th.equal(correct_intersection(greedy, own, as_intersected(th.ones(1, 3), 2.0)), greedy)
-
-
-def test_eq_6_1_is_what_the_thesis_says():
-    greedy, advice = th.tensor([[0.0, 1.0]]), th.tensor([[0.75, 0.25]])
-    th.testing.assert_close(correct_reuse(greedy, advice, 0.2), th.tensor([[-0.15 / 0.8, 0.95 / 0.8]]))
 
 
 def test_reuse_acts_on_the_mixture_of_eq_2_5():
