@@ -170,12 +170,6 @@ def test_extreme_advice_leaves_the_weights_finite(advice):
     assert all(parameter.isfinite().all() for parameter in model.policy.parameters())
 
 
-def test_it_learns_in_spite_of_bad_advice_with_the_correction():
-    bad = Advised(Identity(), np.array([0.8, 0.1, 0.1], np.float32))
-    model = make(bad, AdvisedMlp, learning_rate=1e-2, gamma=0.0, n_episodes=4, baseline_steps=2).learn(4000)
-    assert np.mean(model.rollout_buffer.rewards) >= 0.7  # of the mixed policy; a new one has 0.33
-
-
 # --- the bridge ---
 def test_an_execution_records_its_decisions_and_replays_them():
     tape, game = Tape(), Advised(Identity(), SOME_ADVICE)
