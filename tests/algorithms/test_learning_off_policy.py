@@ -1,4 +1,4 @@
-"""Algorithms off the policy learn in spite of wrong advice, mixed in more ways than in test_learning.py, and from good at once."""
+"""Algorithms off the policy learn in spite of wrong advice, mixed in other ways than in test_learning.py; from good at once."""
 
 from __future__ import annotations
 
