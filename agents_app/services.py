@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from datetime import timedelta
 from io import BytesIO
 from itertools import chain
@@ -80,9 +80,8 @@ def _set_parameter(agent: Agent, parameter: Parameter, value: Any) -> None:
 
 def parse_value(parameter: Parameter, text: str) -> Any:
     """The value that a text means for a parameter. Raises ValidationError when it means none."""
-    types = {ParameterType.BOOL: parse_truth, ParameterType.INT: int, ParameterType.FLOAT: float}
     try:
-        return types.get(ParameterType(parameter.type), str)(text)
+        return READERS[ParameterType(parameter.type)](text)
     except (KeyError, ValueError):
         label = ParameterType(parameter.type).label
         raise ValidationError(f"{parameter.name} is {text!r}: write a {label}, e.g. {parameter.default}.") from None
@@ -92,6 +91,14 @@ def parse_truth(text: str) -> bool:
     """Yes or no. Raises KeyError when it is neither."""
     words = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
     return words[text.strip().lower()]
+
+
+READERS: dict[ParameterType, Callable[[str], Any]] = {
+    ParameterType.BOOL: parse_truth,
+    ParameterType.INT: int,
+    ParameterType.FLOAT: float,
+    ParameterType.STR: str,
+}
 
 
 def tell_fleet(agent: Agent, changed: Iterable[str]) -> None:

@@ -7,7 +7,6 @@ the network is built anew.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -20,15 +19,14 @@ from shepherd_client.spaces import spaces_of
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from agents_app.algorithms.advice import combine
 from agents_app.algorithms.builder import build
+from agents_app.algorithms.peer import Peer
 from agents_app.algorithms.spec import AgentSpec
+from agents_app.algorithms.teaching import Advise
 from agents_app.algorithms.weights import assign, flatten
-from envs_app.execution.advisors import Peer
 from experiments.results import advisor_path
 
 UNIFORM = "uniform"
-Advise = Callable[[Any], np.ndarray]  # from an observation to advice (advice.py)
 OURS = "shepherd_environments:"
 SEED, EVALUATED = 1234, 30  # episodes
 
@@ -90,10 +88,7 @@ def load(name: str, saves: Path) -> Advise:
     policy = build(_spec(advisor), _environment(advisor), SEED).policy
     with np.load(advisor_path(saves, name), allow_pickle=False) as file:
         assign(policy, file["weights"])
-    peer = Peer(policy)
-    if isinstance(policy.action_space, spaces.Discrete):
-        return lambda obs: combine([peer.probabilities(obs)], rho=1.0)
-    return lambda obs: np.concatenate(peer.gaussian(obs))
+    return Peer(policy).advice
 
 
 def uniform(space: spaces.Space) -> Advise:

@@ -13,12 +13,12 @@ from shepherd_client.spaces import spaces_of
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents_app.algorithms.advice import advised_space, with_advice
 from agents_app.algorithms.builder import build
 from agents_app.algorithms.spec import AgentSpec
+from agents_app.algorithms.teaching import Advise, Advised
 from benchmarks.histories import Log, Recorder
 from experiments.acting import act_in_numpy
-from experiments.advisors import UNIFORM, Advise, load, uniform
+from experiments.advisors import UNIFORM, load, uniform
 from experiments.figure import Episodes
 
 ENDLESS = 2**62  # steps
@@ -90,19 +90,6 @@ class Scaled(gym.ObservationWrapper):
     def observation(self, observation: Any) -> np.ndarray:
         """As a client would send it, rounded to float32."""
         return (np.asarray(observation, np.float64) * self.scale + self.shift).astype(np.float32)
-
-
-class Advised(gym.ObservationWrapper):
-    """Advice rides beside each observation, as in ShepherdEnv."""
-
-    def __init__(self, env: gym.Env, advise: Advise) -> None:
-        super().__init__(env)
-        self.observation_space = advised_space(env.observation_space, env.action_space)
-        self._advise = advise
-
-    def observation(self, observation: Any) -> dict[str, Any]:
-        """What the advisor says here."""
-        return with_advice(np.asarray(observation), self._advise(observation))
 
 
 class StopAfter(BaseCallback):

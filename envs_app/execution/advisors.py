@@ -6,22 +6,19 @@ that peer's turn.
 
 from __future__ import annotations
 
-import copy
 import random
 import sys
 from typing import Any, Protocol
 
 import numpy as np
-import torch as th
 from gymnasium import spaces
-from stable_baselines3.common.utils import obs_as_tensor
 
-from agents_app.algorithms.actor import advising_policy, batch
+from agents_app.algorithms.actor import advising_policy
 from agents_app.algorithms.advice import as_order, combine, combine_logs, neutral_advice
 from agents_app.algorithms.builder import is_averaged
 from agents_app.algorithms.masks import allowed_of, mask_advice
 from agents_app.algorithms.mixing import ALL, BEST, GEOMETRIC, SEVERAL, SOFT
-from agents_app.algorithms.small_policies import small
+from agents_app.algorithms.peer import Peer
 from agents_app.algorithms.spec import AgentSpec
 from agents_app.algorithms.weights import assign, flatten, parameters_of
 from envs_app.execution.frozen import Frozen
@@ -44,31 +41,6 @@ class Peers(Protocol):
     def weights(self, number: int) -> np.ndarray | None:
         """The latest weights of a peer; None when it has just gone."""
         ...
-
-
-class Peer:
-    """A peer's policy, evaluated here; what it would do without advice of its own."""
-
-    def __init__(self, policy: Any) -> None:
-        self.policy = copy.deepcopy(policy)
-        self._small = small(self.policy)
-
-    def probabilities(self, obs: Any) -> np.ndarray:
-        """Of each action, (A,); 0 for those that are not allowed."""
-        if self._small is not None:
-            return self._small.probabilities(obs)
-        return self._distribution(obs).probs[0].numpy()
-
-    def gaussian(self, obs: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Means (A,) and standard deviations (A,)."""
-        if self._small is not None:
-            return self._small.gaussian(obs)
-        distribution = self._distribution(obs)
-        return distribution.mean[0].numpy().reshape(-1), distribution.stddev[0].numpy().reshape(-1)
-
-    def _distribution(self, obs: Any) -> Any:
-        with th.no_grad():
-            return self.policy.get_distribution(obs_as_tensor(batch(obs), self.policy.device)).distribution
 
 
 class Advisors:

@@ -13,10 +13,10 @@ import torch as th
 from agents_app.algorithms import builder
 from agents_app.algorithms.actor import advice_weights, advising_policy
 from agents_app.algorithms.normalising import BORROWED, Normaliser
+from agents_app.algorithms.peer import Peer
 from agents_app.algorithms.registry import ROWS, get_row
 from agents_app.algorithms.spec import AgentSpec
 from agents_app.algorithms.weights import assign, flatten
-from envs_app.execution.advisors import Peer
 from tests.algorithms.building import built
 from tests.algorithms.specs import CONTINUOUS, DISCRETE, IMAGE, actions_of, make_spec
 
