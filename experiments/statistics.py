@@ -39,7 +39,7 @@ class Comparison:
         if not self.enough:
             return "too few runs"
         if self.welch >= SIGNIFICANT or np.isnan(self.welch):
-            return "holds" if claim.same else "no difference seen"
+            return "no difference seen"
         if claim.same:
             return "does not hold"
         return "holds" if self.difference > 0 else "the other way round"

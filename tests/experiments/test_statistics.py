@@ -52,14 +52,14 @@ def test_verdicts() -> None:
     assert compare(OURS, THEIRS).verdict(UP) == "holds"
     assert compare(THEIRS, OURS).verdict(UP) == "the other way round"
     assert compare(OURS, OURS + 1).verdict(UP) == "no difference seen"
-    assert compare(OURS, OURS + 1).verdict(SAME) == "holds"
+    assert compare(OURS, OURS + 1).verdict(SAME) == "no difference seen"
     assert compare(OURS, THEIRS).verdict(SAME) == "does not hold"
     assert compare(OURS[:1], THEIRS).verdict(UP) == "too few runs"
 
 
 def test_runs_without_any_spread_are_compared_too() -> None:
     best = np.full(4, 200.0)
-    assert compare(best, best).verdict(SAME) == "holds"
+    assert compare(best, best).verdict(SAME) == "no difference seen"
     assert compare(best, best - 1).verdict(UP) == "holds"
 
 
