@@ -23,7 +23,8 @@ from agents_app.models import Algorithm, Parameter, ParameterType
 # Parameters of simple types that are the server's business, not the owner's. optimize_memory_usage is refused by SB3
 # itself beside its default handling of truncated episodes.
 LEFT_OUT = {"tensorboard_log", "verbose", "stats_window_size", "_init_setup_model", "optimize_memory_usage"}
-NORMALISING = {"PPO", "A2C", "TRPO", "PolicyGradient", "MaskablePPO"}  # observations, by default: docs/adr/0013
+# Observations, by default: docs/adr/0013.
+NORMALISING = {"PPO", "A2C", "TRPO", "PolicyGradient", "MaskablePPO", "SAC", "TQC", "TD3", "DDPG"}
 TYPES = {
     str: ParameterType.STR,
     float: ParameterType.FLOAT,
@@ -135,7 +136,8 @@ def _fill_algorithm(row: Row, using: str) -> Algorithm:
         "advice": row.advice,
         "listed": True,
     }
-    facts |= {"policies": list(row.policies), "description": texts.ALGORITHMS.get(row.name, "")}
+    description = f"{texts.ALGORITHMS[row.name]} {texts.TAKES_ADVICE if row.advice else texts.TAKES_NONE}"
+    facts |= {"policies": list(row.policies), "description": description}
     return Algorithm.objects.using(using).update_or_create(name=row.name, defaults=facts)[0]
 
 

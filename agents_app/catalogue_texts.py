@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 ALGORITHMS = {
-    "PPO": "A good first choice for every problem: learns steadily and forgives wrong parameters. Executions can "
-    "advise each other.",
-    "A2C": "Simpler and quicker per step than PPO, learns less from each step. Executions can advise each other.",
+    "PPO": "A good first choice for every problem: learns steadily and forgives wrong parameters.",
+    "A2C": "Simpler and quicker per step than PPO, learns less from each step.",
     "DQN": "For choosing one of a few actions: remembers what happened and learns from it again and again.",
     "DDPG": "The ancestor of TD3, kept for comparison: for actions that are numbers.",
     "TD3": "For actions that are numbers: learns from memory, needs few steps, explores by noise on the action.",
     "SAC": "A good first choice for actions that are numbers when steps are dear: learns from memory.",
-    "TRPO": "The ancestor of PPO: each update is kept small by a costlier calculation.",
-    "QR-DQN": "DQN that predicts the whole distribution of what will come instead of its mean.",
-    "TQC": "SAC with a distribution instead of a mean, of which the most optimistic part is dropped.",
-    "CrossQ": "SAC without target networks, with batch normalisation: needs fewer steps. Vectors only.",
+    "TRPO": "The ancestor of PPO: a costlier calculation keeps each update small.",
+    "QR-DQN": "DQN that predicts how likely each outcome is, not only the mean of all.",
+    "TQC": "SAC that predicts how likely each outcome is, and leaves out its most optimistic predictions.",
+    "CrossQ": "A successor of SAC that is simpler inside and needs fewer steps. Observations are vectors only.",
     "ARS": "Random search: tries small changes of a simple network for whole episodes and keeps what helped.",
     "RecurrentPPO": "PPO with a memory (LSTM), for when one observation does not tell all.",
     "MaskablePPO": "PPO that never takes an action that the client forbids at a step (action_mask).",
     "BDPI": "For choosing one of a few actions when steps are dear and computing is cheap: several critics teach one "
-    "actor, again and again from memory. Learns from very few steps. Executions can advise each other.",
+    "actor, again and again from memory. Learns from very few steps.",
     "PolicyGradient": "The ancestor of PPO and A2C, for comparison: plays whole episodes, then makes what led to high "
-    "returns more probable. Executions can advise each other.",
+    "returns more probable.",
 }
+TAKES_ADVICE = "Executions can advise each other."
+TAKES_NONE = "Takes no advice."
 
 NET_ARCH = "Sizes of the hidden layers, separated by commas, e.g. 64,64. Larger networks learn more, and more slowly."
 NET_ARCH_OR_NONE = (
@@ -52,17 +53,18 @@ PARAMETERS = {
     "gamma": "How much the future counts: near 1 far-sighted, 0 only the next reward.",
     "gae_lambda": "How far a reward reaches back to the actions before it: 1 is to the start, lower is less noisy.",
     "clip_range": "How far an update may change the probability of an action; 0.2 is 20 percent.",
-    "clip_range_vf": "The same for the predicted return. It depends on the scale of your rewards; empty: no limit.",
-    "normalize_advantage": "Bring the advantages of a batch to one scale, so that the scale of rewards matters less.",
+    "clip_range_vf": "How far an update may change a predicted return. It depends on the scale of your rewards; empty: no limit.",
+    "normalize_advantage": "Judge on one scale how much better actions were than expected, so that the scale of rewards matters "
+    "less.",
     "ent_coef": "Reward for trying different actions; raise it when the agent settles too early.",
     "vf_coef": "How much learning to predict the return counts against learning to act.",
-    "max_grad_norm": "The largest step of the gradient that is taken; guards against jumps.",
+    "max_grad_norm": "The largest single step of learning that is taken; guards against jumps.",
     "target_kl": "End an update when the policy has changed by this much; empty: no such limit.",
     "seed": "Makes the random numbers repeatable; empty: different each time. Each execution adds its own number.",
     "use_sde": "Explore by a noise that depends on the state and changes slowly; smoother, for robots. Actions must be "
     "numbers.",
-    "sde_sample_freq": "Draw that noise anew every so many steps; -1: once per collection.",
-    "use_sde_at_warmup": "Use that noise from the first step, instead of random actions.",
+    "sde_sample_freq": "With use_sde: draw its noise anew every so many steps; -1: once per collection.",
+    "use_sde_at_warmup": "With use_sde: explore by its noise from the first step, instead of by random actions.",
     "rms_prop_eps": "A small number that keeps the optimiser from dividing by zero.",
     "use_rms_prop": "Use the optimiser RMSprop, as the original; no: Adam.",
     "buffer_size": "How many steps the memory holds. It takes memory of the machine: size times the observation.",
@@ -74,17 +76,17 @@ PARAMETERS = {
     "exploration_fraction": "Over which part of total_timesteps the random actions become fewer.",
     "exploration_initial_eps": "The share of random actions at the beginning.",
     "exploration_final_eps": "The share of random actions from the end of exploration on.",
-    "policy_delay": "Update the policy only every so many updates of the critic.",
-    "target_policy_noise": "Noise on the actions with which the critic learns; makes it careful.",
-    "target_noise_clip": "The largest value of that noise.",
+    "policy_delay": "Update what chooses actions only once in so many updates of what predicts their returns.",
+    "target_policy_noise": "Noise on the actions whose returns are predicted; makes the predictions careful.",
+    "target_noise_clip": "The largest value of the noise of target_policy_noise.",
     "target_entropy": "How random the policy should stay: 'auto', or a number (lower is less random).",
     "top_quantiles_to_drop_per_net": "How many of the most optimistic of 25 predictions are dropped.",
-    "cg_max_steps": "Steps of the inner calculation of each update.",
-    "cg_damping": "Damping of the inner calculation: higher is steadier.",
+    "cg_max_steps": "How many steps the calculation takes that keeps each update small.",
+    "cg_damping": "Steadies the calculation that keeps updates small: higher is steadier, and slower to learn.",
     "line_search_shrinking_factor": "By what an update is shortened when it does not help.",
     "line_search_max_iter": "How often an update is shortened at most.",
     "n_critic_updates": "Updates of the predicted return for each update of the policy.",
-    "sub_sampling_factor": "Take only each so-manieth step for the inner calculation, to save time.",
+    "sub_sampling_factor": "Use only one of so many collected steps for the calculation that keeps updates small, to save time.",
     "n_delta": "How many random changes of the network are tried in each round.",
     "n_top": "How many of the best changes are used; empty: all.",
     "delta_std": "The size of the random changes.",
@@ -93,10 +95,11 @@ PARAMETERS = {
     "n_eval_episodes": "Episodes played with each change.",
     "n_episodes": "How many episodes are played before each update.",
     "baseline": "Learn what return each state leads to, and reward only what is better than that; steadier.",
-    "baseline_steps": "How many steps of learning that expectation makes for each update of the policy.",
-    "n_critics": "How many critics teach the actor. More are steadier, and cost more time at each step.",
+    "baseline_steps": "With baseline: how many steps of learning the expected returns make for each update of the policy.",
+    "n_critics": "How many networks that predict returns (critics) teach the one that acts (the actor). More are steadier, "
+    "and cost more time.",
     "q_loops": "How often each critic moves its estimates in a round of training; its two networks take turns.",
-    "fit_steps": "How many steps of the gradient each network makes towards each new estimate.",
+    "fit_steps": "How many steps of learning each network makes towards each new estimate.",
     "alpha": "How far a new estimate moves from the old one: 1 is all the way, lower is steadier.",
     "delta": "How far the actor may move for one critic. Smaller learns more slowly, and explores for longer.",
 }

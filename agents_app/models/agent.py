@@ -187,7 +187,8 @@ class Agent(models.Model):
         "weight of the advice",
         default=1.0,
         validators=[MinValueValidator(0), MaxValueValidator(100)],
-        help_text="How much each advisor counts beside the agent itself: 1 is as much, 0 is nothing, 3 is three times as much.",
+        help_text="How much each advisor counts beside the agent itself: 1 is as much, 0 is nothing, 3 is three times as much. "
+        "Where actions are vectors of numbers, all advisors together count so.",
     )
     psi = models.FloatField(
         "how often (psi)",
@@ -212,7 +213,13 @@ class Agent(models.Model):
         help_text="After each update, an execution goes on from the mean of what all of them have learned. Untick it where "
         "your clients have different problems.",
     )
-    start_from = models.CharField(max_length=10, choices=StartFrom, default=StartFrom.LATEST)
+    start_from = models.CharField(
+        max_length=10,
+        choices=StartFrom,
+        default=StartFrom.LATEST,
+        help_text="With what a new execution begins, when there are saves: with what was learned last, or with what was learned "
+        "when the returns were highest.",
+    )
     save_interval = models.PositiveIntegerField(
         default=10_000, validators=[MinValueValidator(1)], help_text="Steps between two saves of an execution."
     )

@@ -44,6 +44,12 @@ def test_every_default_is_within_its_own_bounds_and_explained(row):
             check_value(each, each.default)
 
 
+def test_every_algorithm_says_whether_it_takes_advice():
+    for algorithm in Algorithm.objects.filter(listed=True):
+        said = "advise each other" if algorithm.advice else "Takes no advice"
+        assert said in algorithm.description and len(algorithm.description) > 60
+
+
 def test_a_parameter_means_what_it_means_in_its_algorithm():
     assert "learning starts" in parameter("BDPI", "learning_starts").help_text
     assert "random" in parameter("DQN", "learning_starts").help_text

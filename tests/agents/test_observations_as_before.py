@@ -10,23 +10,29 @@ from django.db import connection
 from agents_app import services
 from agents_app.algorithms.registry import ROWS
 from agents_app.catalogue import NORMALISING
+from agents_app.migrations._as_before import keep_off
 from agents_app.models import Parameter, ParameterValue
 from tests.agents.makers import make_agent
 
 pytestmark = pytest.mark.django_db
 NAME = "normalize_observations"
-migration = import_module("agents_app.migrations.0010_observations_as_before")
+MIGRATIONS = [
+    import_module(f"agents_app.migrations.{name}")
+    for name in ("0010_observations_as_before", "0012_texts_and_observations")
+]
 
 
 def migrate() -> None:
-    migration.keep_off(apps, SimpleNamespace(connection=connection))  # it needs no more of a schema editor
+    """Both; neither needs more of a schema editor."""
+    for migration in MIGRATIONS:
+        keep_off(migration.NOW_ON)(apps, SimpleNamespace(connection=connection))
 
 
 def test_only_algorithms_that_can_normalise_do_so_by_default() -> None:
     assert {row.name for row in ROWS if row.normalises} >= NORMALISING
     defaults = dict(Parameter.objects.filter(name=NAME).values_list("algorithm__name", "default"))
     assert {name for name, default in defaults.items() if default} == NORMALISING
-    assert set(migration.NOW_ON) == NORMALISING
+    assert {name for migration in MIGRATIONS for name in migration.NOW_ON} == NORMALISING
 
 
 def test_a_new_agent_normalises_unless_its_owner_says_no() -> None:
@@ -36,13 +42,10 @@ def test_a_new_agent_normalises_unless_its_owner_says_no() -> None:
 
 
 def test_an_agent_made_before_goes_on_as_it_was() -> None:
-    old, chosen, other = (
-        make_agent("old"),
-        make_agent("chosen", parameters={NAME: True}),
-        make_agent("q", algorithm="DQN"),
-    )
+    old, sac = make_agent("old"), make_agent("sac", algorithm="SAC", action_space=[[2], -1, 1])
+    chosen, other = make_agent("chosen", parameters={NAME: True}), make_agent("q", algorithm="DQN")
     migrate()
-    assert old.own_parameters() == {NAME: False}
+    assert old.own_parameters() == sac.own_parameters() == {NAME: False}
     assert chosen.own_parameters() == {NAME: True}
     assert other.own_parameters() == {}
     ParameterValue.objects.get(agent=old).full_clean()
