@@ -11,6 +11,7 @@ from experiments.figure import Claim, Figure, Panel
 from experiments.in_process import InProcess
 
 OFF, ON, OFF_FAR, ON_FAR = "off", "on", "off, x1000 + 3000", "on, x1000 + 3000"
+TD3 = SAC | {"action_noise": "normal 0.1"}  # the noise of the catalogue
 FAR = {"scale": 1000.0, "shift": 3000.0}
 CART_POLE, ACROBOT, PENDULUM, LANDER = "CartPole-v1", "Acrobot-v1", "Pendulum-v1", "LunarLander-v3"
 
@@ -37,9 +38,10 @@ PANELS = (
     panel("A2C", ACROBOT, 100),
     panel("PolicyGradient", CART_POLE, 150),
     panel("PolicyGradient", ACROBOT, 60),
-    panel("DQN", CART_POLE, 250, DQN),
+    panel("DQN", CART_POLE, 250, DQN, runs=12),
     panel("DQN", ACROBOT, 60, DQN),
-    panel("SAC", PENDULUM, 40, SAC, runs=2),
+    panel("SAC", PENDULUM, 40, SAC),
+    panel("TD3", PENDULUM, 40, TD3),
 )
 FIGURE = Figure(
     number="normalisation",
