@@ -6,8 +6,9 @@ from batches of its own.
 Source of the defaults: thesis 5.3.2 has 8 critics trained at every time-step "for 4 training epochs", here read as N_t = 4, 10
 gradient steps, one hidden layer of 256 tanh, Adam 1e-4. It does not say alpha, delta, the batch and the size of the memory:
 these are ours. Also known to work, on Lunar Lander and Table: 16 critics, net_arch [32], batches of 256, N_t = 4, 20 gradient
-steps, Adam 1e-4, 16 loops, here read as one training of each critic. They cost about 0.1 s of CPU a step of the environment (benchmarks/bdpi.py), and three times that on 812 states
-looked up, most of it Adam on the table: raise train_freq where that is too much.
+steps, Adam 1e-4, 16 loops, here read as one training of each critic. They cost about 0.1 s of CPU a step of the environment
+(benchmarks/bdpi.py), and three times that on 812 states looked up, most of it Adam on the table: raise train_freq where that is
+too much.
 
 What differs: the critics are one batched ensemble (ensemble.py), with the same result as one by one. The actor's corrected
 targets are clipped to [0, 1]: its output is a probability, and advice of nearly 0 would otherwise outweigh the whole batch.
