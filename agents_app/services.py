@@ -40,10 +40,10 @@ def create_agent(owner: User, fields: dict[str, Any], parameters: dict[str, Any]
     agent = Agent(owner=owner, **fields)
     if fields.get("advice_method", NO_ADVICE) != NO_ADVICE and not agent.algorithm.advice:
         raise ValidationError({"advice_method": takes_no_advice(agent.algorithm)})
-    if fields.get("averaging", False) and not get_row(agent.algorithm.name).averages:
-        raise ValidationError({"averaging": averages_nothing(agent.algorithm)})
     with transaction.atomic():
         agent.full_clean()
+        if fields.get("averaging", False) and not get_row(agent.algorithm.name).averages:
+            raise ValidationError({"averaging": averages_nothing(agent.algorithm)})
         agent.save()
         set_parameters(agent, parameters)
         agent.current_run()

@@ -150,6 +150,8 @@ def fold(normaliser: Normaliser, policy: nn.Module, state: dict[str, th.Tensor])
 def first_layers(policy: nn.Module) -> list[str]:
     """The names of the layers that see the observation: the first of each stack, or without hidden layers what is behind it."""
     stacks = [(name, module) for name, module in policy.named_modules() if isinstance(module, nn.Sequential)]
+    hidden = {name.removesuffix("latent_pi") + "mu" for name, _ in stacks if name.endswith("latent_pi")}
+    stacks = [(name, stack) for name, stack in stacks if name not in hidden]  # gSDE makes SAC's last layer a stack, too
     names = [f"{name}.0" for name, stack in stacks if len(stack) and isinstance(stack[0], nn.Linear | ScoresFeatures)]
     behind = {"mlp_extractor.policy_net": "action_net", "mlp_extractor.value_net": "value_net"}
     return names + [behind[name] for name, stack in stacks if name in behind and not len(stack)]

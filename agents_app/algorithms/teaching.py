@@ -17,10 +17,11 @@ from stable_baselines3.common.callbacks import StopTrainingOnMaxEpisodes
 
 from agents_app.algorithms.actor import advising_policy
 from agents_app.algorithms.advice import advised_space, neutral_advice, shaping_reward, with_advice
-from agents_app.algorithms.builder import ENDLESS, build
+from agents_app.algorithms.builder import ENDLESS, build, is_advised
 from agents_app.algorithms.mixing import SHAPING
 from agents_app.algorithms.peer import Peer
-from agents_app.algorithms.spec import AgentSpec
+from agents_app.algorithms.spec import AgentSpec, see
+from agents_app.spaces import parse_space
 
 Advise = Callable[[Any], np.ndarray]  # from an observation to advice (advice.py), (A,), or (2A,) for vectors of numbers
 PUNISHMENT = -5.0  # thesis 4.3.2
@@ -122,7 +123,14 @@ class Human:
 
 
 def advice_of(algorithm: Any) -> Advise:
-    """The advice of a policy as it is now, whatever is learned later; of an algorithm that was built to take advice itself."""
+    """The advice of a policy as it is now, whatever is learned later; of an algorithm that was built to take advice itself.
+
+    It is asked with observations as the network sees them: images with their channels first (`spec.see`).
+    """
+    if hasattr(algorithm.policy, "action_dist"):
+        algorithm.policy.action_dist.distribution = (
+            None  # of the last batch: it hangs on gradients, and cannot be copied
+        )
     return Peer(advising_policy(algorithm)).advice
 
 
@@ -132,9 +140,10 @@ def self_transfer(spec: AgentSpec, env: gym.Env, seed: int | None, episodes: int
     The first one learns alone, and is frozen; the second begins with fresh weights, critics and memory, and is returned before it
     has learned anything. Raises ValueError for an agent that takes no advice.
     """
-    if spec.advice_method in ("none", SHAPING):
+    if not is_advised(spec) or spec.advice_method == SHAPING:
         raise ValueError("Self-Transfer needs an agent that takes advice: choose e.g. intersection.")
     nobody = neutral_advice(env.action_space)
     first = build(spec, Advised(env, lambda obs: nobody), seed)
     first.learn(ENDLESS, callback=StopTrainingOnMaxEpisodes(episodes))
-    return build(spec, Advised(env, advice_of(first)), None if seed is None else seed + 1)
+    advise, space = advice_of(first), parse_space(spec.observation_space)
+    return build(spec, Advised(env, lambda obs: advise(see(space, obs))), None if seed is None else seed + 1)

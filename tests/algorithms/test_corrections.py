@@ -83,6 +83,7 @@ class TestTheActor:
         """Also where the advice is an order: the target goes to 0 or 1 (bdpi.py clips it), never to nonsense."""
         target = correct(only(action), own, advice)
         assert target.isfinite().all()
+        assert target[0, action] >= 0
         assert (target[0, [it for it in range(N) if it != action]] <= 0).all()
 
 

@@ -40,6 +40,7 @@ def specs() -> dict[str, AgentSpec]:
     chosen["advised A2C continuous"] = make_spec("A2C", CONTINUOUS, advice_method="intersection")
     chosen["PPO gSDE"] = make_spec("PPO", CONTINUOUS, parameters={"use_sde": True})
     chosen["SAC gSDE"] = make_spec("SAC", CONTINUOUS, parameters={"use_sde": True})
+    chosen["PPO, its rate falls"] = make_spec("PPO", parameters={"learning_rate_end": 1e-5})
     chosen["TD3 noise"] = make_spec("TD3", CONTINUOUS, parameters={"action_noise": "ou 0.3"})
     chosen["DQN dict"] = make_spec("DQN", observations=OBSERVATIONS["dict"])
     for row in ROWS:

@@ -120,6 +120,18 @@ def test_a_saved_model_is_a_stock_one_that_acts_the_same(name: str, actions: Any
         np.testing.assert_allclose(said[1].numpy(), said[0].numpy(), atol=1e-3)
 
 
+@pytest.mark.parametrize("name", ["PPO", "A2C", "SAC", "TQC"])
+def test_so_is_one_that_explores_by_gsde(name: str, tmp_path: Path) -> None:
+    """Which makes the last layer of SAC's actor a stack; as wide as what it sees, it must not be taken for a first one."""
+    spec = make_spec(name, CONTINUOUS, WIDE, ON | {"use_sde": True, "net_arch": "3"})
+    algorithm = built(spec, 1)
+    algorithm.normaliser.observe(far(500))
+    builder.export(algorithm, spec, tmp_path / "model.zip")
+    stock = get_row(name).load().load(tmp_path / "model.zip", device="cpu")
+    acted, wanted = (it.predict(far(40, seed=1), deterministic=True)[0] for it in (stock, algorithm))
+    np.testing.assert_allclose(acted, wanted, atol=1e-3)
+
+
 @pytest.mark.parametrize(("name", "actions"), EVERY)
 def test_a_save_brings_back_weights_and_statistics_to_the_bit(name: str, actions: Any, tmp_path: Path) -> None:
     spec, algorithm = normalising(name, actions)

@@ -15,6 +15,7 @@ from agents_app.algorithms.spec import AgentSpec
 from agents_app.algorithms.teaching import Advised, Human, Judged, advice_of, self_transfer, shaped_by
 from agents_app.algorithms.weights import flatten
 from tests.algorithms.games import Grid, Identity, Point
+from tests.algorithms.specs import IMAGE, make_spec
 from tests.algorithms.test_learning import PAIRS
 
 UP, RIGHT, DOWN = 2, 1, 3
@@ -39,6 +40,28 @@ def advised(env: Any, method: str = "intersection") -> Any:
 def returns(algorithm: Any) -> np.ndarray:
     """Of its last hundred episodes."""
     return np.array([episode["r"] for episode in algorithm.ep_info_buffer])
+
+
+class Nobody(Advised):
+    """Advises nothing."""
+
+    def __init__(self, env: Any) -> None:
+        nothing = neutral_advice(env.action_space)
+        super().__init__(env, lambda obs: nothing)
+
+
+class Gallery(Identity):
+    """Images instead of numbers, with their channels last."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.observation_space = spaces.Box(0, 255, (36, 36, 3), np.uint8)
+
+    def _draw(self) -> Any:
+        return self.np_random.integers(0, 256, (36, 36, 3)).astype(np.uint8)
+
+    def _reward(self, action: Any) -> float:
+        return 0.0
 
 
 class TestAdviceOfAHuman:
@@ -133,6 +156,17 @@ class TestSelfTransfer:
         assert beginning > alone + (2 if kind == "choice" else 1)
         assert np.array_equal(flatten(first.policy), weights)
 
+    def test_it_sees_images_as_the_environment_shows_them(self) -> None:
+        spec = make_spec("PPO", 3, IMAGE, advice_method="intersection")
+        fresh = self_transfer(spec, Gallery(), 1, 2)
+        assert fresh.learn(32).num_timesteps == 32
+
+    @pytest.mark.parametrize("name", ["PPO", "A2C", "TRPO", "PolicyGradient", "SAC", "TD3"])
+    def test_of_numbers_too_whatever_was_learned_last(self, name: str) -> None:
+        model = build(make_spec(name, [[1], -1, 1], [[1], -1, 1], advice_method="intersection"), Nobody(Point()), 1)
+        advice = advice_of(model.learn(64))(np.zeros(1, np.float32))
+        assert advice.shape == (2,) and advice[1] > 0
+
     def test_the_advisor_is_frozen(self) -> None:
         model = advised(Advised(Grid(), human(attentive=0.5).advise))
         advise = advice_of(model)
@@ -141,7 +175,7 @@ class TestSelfTransfer:
         assert np.array_equal(advise(np.int64(3)), before)
         assert not np.allclose(advice_of(model)(np.int64(3)), before)
 
-    @pytest.mark.parametrize("method", ["none", "shaping"])
-    def test_it_needs_advice(self, method: str) -> None:
+    @pytest.mark.parametrize(("name", "method"), [("PPO", "none"), ("PPO", "shaping"), ("MaskablePPO", "intersection")])
+    def test_it_needs_advice(self, name: str, method: str) -> None:
         with pytest.raises(ValueError, match="takes advice"):
-            self_transfer(AgentSpec("PPO", 3, 3, advice_method=method), Identity(), 1, 10)
+            self_transfer(AgentSpec(name, 3, 3, advice_method=method), Identity(), 1, 10)
