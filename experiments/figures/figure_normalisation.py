@@ -40,8 +40,8 @@ PANELS = (
     panel("PolicyGradient", ACROBOT, 60),
     panel("DQN", CART_POLE, 250, DQN, runs=12),
     panel("DQN", ACROBOT, 60, DQN),
-    panel("SAC", PENDULUM, 40, SAC),
-    panel("TD3", PENDULUM, 40, TD3),
+    panel("SAC", PENDULUM, 40, SAC, runs=2),
+    panel("TD3", PENDULUM, 40, TD3, runs=2),
 )
 FIGURE = Figure(
     number="normalisation",
