@@ -32,8 +32,8 @@ MOON_SAC: dict[str, Any] = {
     "train_freq": 2,
     "net_arch": "128,128",
 }
-ROOMS_BDPI: dict[str, Any] = {"net_arch": "64", "batch_size": 256, "q_loops": 2, "alpha": 0.5, "delta": 0.2}
-ROOMS_BDPI |= {"learning_rate": 3e-4, "learning_rate_end": 1e-4, "total_timesteps": 15_000}
+ROOMS_BDPI: dict[str, Any] = {"net_arch": "64", "batch_size": 256, "learning_rate": 3e-4, "q_loops": 2, "alpha": 0.5}
+ROOMS_BDPI |= {"learning_rate_end": 1e-4, "total_timesteps": 12_000}
 LONG_BDPI = {
     BDPI_NAME: InProcess("LunarLander-v3", 1000, "BDPI", SMALL_BDPI),
     FAR_NAME: InProcess("LunarLander-v3", 1000, "BDPI", SMALL_BDPI | {"gamma": 0.995}),
