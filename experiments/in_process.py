@@ -14,8 +14,9 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
 from agents_app.algorithms.builder import build
+from agents_app.algorithms.mixing import SHAPING
 from agents_app.algorithms.spec import AgentSpec
-from agents_app.algorithms.teaching import Advise, Advised
+from agents_app.algorithms.teaching import Advise, Advised, Judged, shaped_by
 from benchmarks.histories import Log, Recorder
 from experiments.acting import act_in_numpy
 from experiments.advisors import UNIFORM, load, uniform
@@ -50,7 +51,9 @@ class InProcess:
         if (self.scale, self.shift) != (1.0, 0.0):
             env = Scaled(env, self.scale, self.shift)
         if self.advisor:
-            env = Advised(env, self._advise(env, saves))
+            advise = self._advise(env, saves)
+            shaped = self.agent.get("advice_method") == SHAPING
+            env = Advised(Judged(env, shaped_by(advise)) if shaped else env, advise)
         algorithm = build(spec_of(env, self.algorithm, self.parameters, **self.agent), env, seed)
         act_in_numpy(algorithm)
         algorithm.learn(ENDLESS, callback=StopAfter(self.episodes - self.tried, log, on_episode))

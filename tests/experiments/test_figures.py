@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 
 from agents_app.algorithms.builder import build
 from experiments import __main__ as command
-from experiments import advisors
+from experiments import advisors, in_process
 from experiments.advisors import ADVISORS, UNIFORM
 from experiments.figure import figure, numbers
 from experiments.in_process import Advised, InProcess, Scaled, spec_of, try_out
@@ -101,6 +102,17 @@ def test_advice_rides_beside_the_observation() -> None:
     assert obs["advice"].tolist() == [0.5, 0.5]
     assert obs in env.observation_space
     assert env.step(0)[0] in env.observation_space
+
+
+def test_an_advisor_rewards_and_the_returns_are_those_of_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Any] = []
+    monkeypatch.setattr(in_process, "build", lambda *args: made.append(build(*args)) or made[-1])  # type: ignore[func-returns-value]
+    parameters = {"n_steps": 8, "batch_size": 8}
+    task = InProcess("CartPole-v1", 4, parameters=parameters, agent={"advice_method": "shaping"}, advisor=UNIFORM)
+    (episodes,) = task.learn(1, Path(), lambda: None)
+    ends = [0, *(step for step, _ in episodes)]
+    assert [total for _, total in episodes] == [last - first for first, last in pairwise(ends)]
+    assert set(made[0].rollout_buffer.rewards.ravel().tolist()) <= {0.0, 1.5}  # 1 of Cart Pole, one half of the advisor
 
 
 def test_other_units_are_the_same_environment() -> None:
