@@ -127,10 +127,8 @@ def advice_of(algorithm: Any) -> Advise:
 
     It is asked with observations as the network sees them: images with their channels first (`spec.see`).
     """
-    if hasattr(algorithm.policy, "action_dist"):
-        algorithm.policy.action_dist.distribution = (
-            None  # of the last batch: it hangs on gradients, and cannot be copied
-        )
+    if hasattr(algorithm.policy, "action_dist"):  # that of the last batch hangs on gradients, and cannot be copied
+        algorithm.policy.action_dist.distribution = None
     return Peer(advising_policy(algorithm)).advice
 
 
