@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from agents_app.algorithms.builder import build
 from experiments import __main__ as command
 from experiments import advisors, in_process
 from experiments.advisors import ADVISORS, UNIFORM
-from experiments.figure import figure, numbers
+from experiments.figure import Figure, figure, numbers
 from experiments.in_process import Advised, InProcess, Scaled, spec_of, try_out
 from experiments.results import RESULTS, advisor_return, read_curve
 from experiments.runner import missing
@@ -43,13 +44,24 @@ def test_a_figure_is_consistent(number: str, tmp_path: Path) -> None:
     assert len(set(paths)) == len(paths) == sum(whole.runs_of(panel) * len(panel.curves) for panel in whole.panels)
 
 
+def last_panels(number: str) -> Figure:
+    """The last two, which have every kind of task that a figure has; 5.19 would start three servers more."""
+    whole = figure(number)
+    titles = {panel.title for panel in whole.panels[-2:]}
+    claims = tuple(claim for claim in whole.claims if claim.panel in titles)
+    return replace(whole, panels=whole.panels[-2:], claims=claims)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("number", ["2.3", "3.5", "5.19"])  # continuous, advised, over HTTP
-def test_a_tiny_version_plays_end_to_end(number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_tiny_version_plays_end_to_end(
+    number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(command, "figure", last_panels)
     options = ["--episodes", "2", "--runs", "1", "--jobs", "2", "--advisor-steps", "1", "--results", str(tmp_path)]
     assert command.main([number, *options]) == 0
-    tiny = figure(number).shortened(2, 1)
+    tiny = last_panels(number).shortened(2, 1)
     for panel in tiny.panels:
         for name in panel.curves:
             assert read_curve(tmp_path, tiny, panel, name).shape == (1, 2)
