@@ -21,6 +21,7 @@ from agents_app.algorithms.mixing import ALL, BEST, GEOMETRIC, SEVERAL, SOFT
 from agents_app.algorithms.peer import Peer
 from agents_app.algorithms.spec import AgentSpec
 from agents_app.algorithms.weights import assign, flatten, parameters_of
+from envs_app.execution.averaging import TAIL
 from envs_app.execution.frozen import Frozen
 
 SEVERAL_ARE = 3  # docs/adr/0006
@@ -82,7 +83,10 @@ class Advisors:
 
     def _eligible(self) -> list[int]:
         """Who may be asked: all, or the best of those that have ended an episode."""
-        numbers = list(self._peers.versions()) if self._spec.peers_advise else []
+        versions = self._peers.versions() if self._spec.peers_advise else {}
+        numbers = [
+            number for number, version in versions.items() if number in self._known or self._is_news(number, version)
+        ]
         numbers += [] if self._frozen is None else [FROZEN]
         if self._spec.advisors == BEST:
             returns = self._mean_returns()
@@ -102,7 +106,7 @@ class Advisors:
 
     def _sizes(self) -> tuple[int, int]:
         """How many numbers a peer's weights are, and how many follow them that are none of an advisor's (averaging.py)."""
-        behind = parameters_of(self._template) if is_averaged(self._spec) else 0
+        behind = parameters_of(self._template) + TAIL if is_averaged(self._spec) else 0
         return flatten(self._template).size, behind
 
     def _combine(self, answers: list[np.ndarray]) -> np.ndarray:
@@ -123,17 +127,22 @@ class Advisors:
         if number == FROZEN:
             return self._frozen_peer
         versions = self._peers.versions()
-        for gone in self._known.keys() - versions.keys():
-            del self._known[gone], self._versions[gone]
-        if self._versions.get(number) != versions[number]:
-            weights = self._peers.weights(number)
-            if weights is None or weights.size != self._size + self._behind:
+        for gone in self._versions.keys() - versions.keys():
+            del self._versions[gone]
+            self._known.pop(gone, None)
+        if self._is_news(number, versions[number]) and (weights := self._peers.weights(number)) is not None:
+            self._versions[number] = versions[number]
+            if weights.size != self._size + self._behind:
+                self._known.pop(number, None)
                 return None
             if number not in self._known:
                 self._known[number] = Peer(self._template)
             assign(self._known[number].policy, weights[: self._size])
-            self._versions[number] = versions[number]
-        return self._known[number]
+        return self._known.get(number)
+
+    def _is_news(self, number: int, version: int) -> bool:
+        """Whether a peer has published since it was looked at; what does not fit is not looked at twice."""
+        return self._versions.get(number) != version
 
     def _ask(self, peer: Peer, obs: Any) -> np.ndarray:
         return peer.probabilities(obs) if self._discrete else np.concatenate(peer.gaussian(obs))

@@ -116,6 +116,21 @@ def test_a_peer_whose_weights_have_just_gone_is_passed_over(tmp_path: Path) -> N
         assert np.array_equal(advice_of(station), np.ones(3))
 
 
+def test_what_does_not_fit_is_looked_at_once_and_asked_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with advised(tmp_path) as station:
+        read: list[int] = []
+        weights = station.peers.weights
+        monkeypatch.setattr(station.peers, "weights", lambda number: read.append(number) or weights(number))
+        station.peers.put(2, leaning(station, 1)[:-1])
+        station.peers.put(3, leaning(station, 2))
+        advice = [advice_of(station) for _ in range(50)]
+        assert sorted(read) == [2, 3]
+        assert sum(np.array_equal(it, np.ones(3)) for it in advice) <= 1
+        assert station.worker.status()["advisors"] == [3]
+        station.peers.put(2, leaning(station, 1))  # after a restart
+        assert {int(advice_of(station).argmax()) for _ in range(50)} == {1, 2}
+
+
 def test_a_network_of_another_shape_is_passed_over(tmp_path: Path) -> None:
     with advised(tmp_path) as station:
         station.peers.put(2, np.zeros(17, np.float32))
