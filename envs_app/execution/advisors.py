@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium import spaces
 
 from agents_app.algorithms.actor import advising_policy
-from agents_app.algorithms.advice import as_order, combine, combine_logs, neutral_advice
+from agents_app.algorithms.advice import as_order, combine, combine_logs, is_neutral, neutral_advice
 from agents_app.algorithms.builder import is_averaged
 from agents_app.algorithms.masks import allowed_of, mask_advice
 from agents_app.algorithms.mixing import ALL, BEST, GEOMETRIC, SEVERAL, SOFT
@@ -110,7 +110,12 @@ class Advisors:
         return flatten(self._template).size, behind
 
     def _combine(self, answers: list[np.ndarray]) -> np.ndarray:
-        """One piece of advice from several: eq. 5.1, or the mean that the method asks; as an order, if the agent wants orders."""
+        """One piece of advice from several: eq. 5.1, or the mean that the method asks; as an order, if the agent wants orders.
+
+        Who says nothing is left out, and is no distribution to be mixed.
+        """
+        if self._discrete and not (answers := [answer for answer in answers if not is_neutral(answer)]):
+            return self._neutral
         if not self._discrete:
             advice = np.stack(answers).mean(0)
         elif self._spec.advice_method == GEOMETRIC:
@@ -120,7 +125,7 @@ class Advisors:
         if self._spec.advice_form == SOFT:
             return advice
         order = as_order(advice, self._action_space)
-        return order * len(answers) if self._discrete else order
+        return order * len(answers) if self._discrete and not is_neutral(order) else order
 
     def _up_to_date(self, number: int) -> Peer | None:
         """The peer with its latest policy; None when it has just gone, or is from before the agent was changed."""
