@@ -84,6 +84,7 @@ def _unsuitable(agent: Agent, values: dict[str, Any]) -> Iterator[tuple[str, str
         and policy_name(agent.algorithm, _space(agent, "observation_space"), agent.policy) == LINEAR
     ):
         yield "net_arch", "LinearPolicy has no hidden layers: choose MlpPolicy as the policy type first."
+    yield from _single_steps(agent, values)
     if (values.get("n_top") or 0) > values.get("n_delta", 0):
         yield "n_top", f"Write at most the value of n_delta, {values['n_delta']}."
     if (values.get("learning_rate_end") or 0) > values["learning_rate"]:
@@ -97,6 +98,18 @@ def _unsuitable(agent: Agent, values: dict[str, Any]) -> Iterator[tuple[str, str
                 "e.g. normal 0.1, or have advice meet half way."
             ),
         )
+
+
+def _single_steps(agent: Agent, values: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Where an algorithm would compute a deviation over one step, which is no number, and neither are its weights then."""
+    name, batch = agent.algorithm.name, values.get("batch_size") or 0
+    normalises = name in ("MaskablePPO", "RecurrentPPO") and values.get("normalize_advantage")
+    if normalises and (values["n_steps"] % batch or batch) == 1:
+        yield "batch_size", f"A batch of one step would be left over of {values['n_steps']}: write another number."
+    if name == "CrossQ" and batch == 1:
+        yield "batch_size", "CrossQ compares the steps of a batch: write at least 2."
+    if 2 * values.get("sub_sampling_factor", 0) > values.get("n_steps", 0):
+        yield "sub_sampling_factor", f"At least two steps must be left of {values['n_steps']}: write a smaller number."
 
 
 def check_fixed(before: Agent, after: Agent) -> None:
@@ -231,12 +244,24 @@ def _check_advice(agent: Agent, algorithm: Algorithm, space: spaces.Space) -> No
     if agent.advisor is not None:
         _check_advisor(agent, agent.advisor)
     if isinstance(space, spaces.Discrete):
+        _check_orders(agent, algorithm)
         return
     if agent.advice_method == mixing.UNION:
         sentence = "Policy union is for one of n actions: with vectors of numbers, write intersection or reuse."
         raise ValidationError({"advice_method": sentence})
     if (agent.advice_method, agent.advice_form) == (mixing.SHAPING, mixing.DETERMINISTIC):
         sentence = "An order has no density to be rewarded by: write soft, or another advice method."
+        raise ValidationError({"advice_form": sentence})
+
+
+def _check_orders(agent: Agent, algorithm: Algorithm) -> None:
+    """Orders at each step that are always obeyed: the policy that acts is the advisor's, and its gradient nothing (eq. 3.1)."""
+    learns_what_acts = get_row(algorithm.name).family == "on_policy" and agent.learning_correction
+    obeys = (agent.advice_method, agent.advice_form) == (mixing.INTERSECTION, mixing.DETERMINISTIC)
+    if obeys and learns_what_acts and (agent.peers_advise or agent.advisor is not None):
+        sentence = (
+            "An order at each step leaves nothing to learn: write soft, or let only clients advise, now and then."
+        )
         raise ValidationError({"advice_form": sentence})
 
 

@@ -74,7 +74,7 @@ def _bound(value: Any, shape: tuple[int, ...], name: str) -> np.ndarray:
 def _dictionary(spec: dict[str, Any]) -> spaces.Dict:
     if not spec:
         raise ValueError("A dictionary of spaces needs at least one key.")
-    for key in ("advice", "action_mask"):  # they ride in observations (algorithms/riders.py)
+    for key in ("advice", "action_mask", "_observation"):  # they ride in observations (algorithms/riders.py)
         if key in spec:
             raise ValueError(f"The key {key!r} is Shepherd's own: choose another one.")
     if any(isinstance(sub, dict) for sub in spec.values()):

@@ -75,9 +75,13 @@ def combine_logs(advice: list[np.ndarray], rho: float) -> np.ndarray:
 
 
 def as_order(advice: np.ndarray, action_space: spaces.Space) -> np.ndarray:
-    """Deterministic advice (thesis 3.1.1): the most probable action, one-hot; or the mean, exact to 1/1000 of the range."""
+    """Deterministic advice (thesis 3.1.1): the most probable action, one-hot; or the mean, exact to 1/1000 of the range.
+
+    Of equally probable actions, any; where all are, it is neutral.
+    """
     if isinstance(action_space, spaces.Discrete):
-        return np.eye(advice.size, dtype=np.float32)[advice.argmax()]
+        best = advice == advice.max()
+        return (best if best.all() else best / best.sum()).astype(np.float32)
     assert isinstance(action_space, spaces.Box)
     mean, deviation = halves(advice)
     exact = 1e-3 * (action_space.high - action_space.low).reshape(-1)

@@ -156,7 +156,7 @@ class BDPI(OffPolicyAlgorithm):
         with _denormals_flushed():
             for _ in range(gradient_steps):
                 self.train_epoch(self.draw_batches(batch_size))
-        self._n_updates += gradient_steps
+                self._n_updates += 1
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
 
     @th.no_grad()
@@ -214,9 +214,10 @@ class BDPI(OffPolicyAlgorithm):
         return correct_reuse(greedy, advice, mixing.share)
 
     def _critics(self, iteration: int) -> tuple[Ensemble, Ensemble]:
-        """The Q-functions that learn in this iteration, and the other ones."""
+        """The Q-functions that learn in this iteration of an epoch, and the other ones. They take turns across epochs, too."""
         first, second = self.policy.critics
-        return (first, second) if iteration % 2 == 0 else (second, first)  # type: ignore[return-value]
+        before = self._n_updates * self.q_loops
+        return (first, second) if (before + iteration) % 2 == 0 else (second, first)  # type: ignore[return-value]
 
     def _rider(self, observations: Any, key: str) -> th.Tensor | None:
         """What rides in the observations, (N, B, A), if it does."""

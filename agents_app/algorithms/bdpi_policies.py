@@ -50,6 +50,8 @@ class BDPIPolicy(SeesMask, BasePolicy):
         self.net_arch, self.n_critics = net_arch or [256], n_critics
         self.mixing = mixing
         self.lookup = isinstance(self.observation_space, spaces.Discrete)
+        if self.lookup and self.observation_space.start != 0:  # type: ignore[attr-defined]
+            raise ValueError("states that are numbers must be counted from 0")
         self.actor = self._network(1, lr_schedule, softmax=True)
         self.critics = th.nn.ModuleList(self._network(n_critics, lr_schedule) for _ in "AB")
 

@@ -7,6 +7,8 @@ the client. One session per execution.
 from __future__ import annotations
 
 import threading
+from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -31,7 +33,7 @@ class LiveFeed:
         self._action: Any = None
         self._closed = False
         self.on_action: Any = None  # called by the learner when an action is ready
-        self._errand: Any = None
+        self._errands: deque[Callable[[], None]] = deque()
         self.mask: np.ndarray | None = None
 
     def __deepcopy__(self, memo: dict[int, Any]) -> LiveFeed:
@@ -65,7 +67,7 @@ class LiveFeed:
     def send_errand(self, errand: Any) -> None:
         """Have the learner call `errand` while it waits: its policy is whole then."""
         with self._changed:
-            self._errand = errand
+            self._errands.append(errand)
             self._changed.notify_all()
 
     def close(self) -> None:
@@ -105,9 +107,8 @@ class LiveFeed:
 
     def _wait(self, condition: Any) -> None:
         while not condition() and not self._closed:
-            if self._errand is not None:
-                errand, self._errand = self._errand, None
-                run_unlocked(self._changed, errand)
+            if self._errands:
+                run_unlocked(self._changed, self._errands.popleft())
             else:
                 self._changed.wait()
         if self._closed:

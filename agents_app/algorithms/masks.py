@@ -52,10 +52,10 @@ def mask_advice(advice: Array, allowed: Array | None) -> Array:
         return advice
     kept = advice * (allowed != 0)
     said, left = advice.sum(-1)[..., None], kept.sum(-1)[..., None]
-    kept = kept * (said / (left + (left == 0)))
+    raised = kept / (left + (left == 0)) * said  # in this order: what is left may be next to nothing
     silent = is_neutral(advice) | (left == 0)
     xp: Any = th if isinstance(kept, th.Tensor) else np
-    return xp.where(silent, xp.ones_like(kept), kept)
+    return xp.where(silent, xp.ones_like(kept), xp.where(left == said, kept, raised))
 
 
 def mix_allowed(logits: Array, advice: Array | None, mixing: Mixing, allowed: Array | None) -> Array:

@@ -20,8 +20,18 @@ Get = Callable[..., Iterator[Any]]
 
 def slice_minibatches(buffer: RolloutBuffer) -> None:
     """Let this buffer's `get` slice, if it is one of SB3's own and small. Others, as of sequences, stay as they are."""
-    if type(buffer) in (RolloutBuffer, DictRolloutBuffer) and _size(buffer.observations) <= LARGEST_COPY:
-        buffer.get = _slicing(buffer.get)  # type: ignore[method-assign, assignment]
+    if type(buffer) not in (RolloutBuffer, DictRolloutBuffer):
+        return
+    small = _size(buffer.observations) <= LARGEST_COPY
+    buffer.get = _slicing(buffer.get) if small else _by_rows(buffer.get)  # type: ignore[method-assign, assignment]
+
+
+class Rows(dict[str, Any]):
+    """Observations of a dictionary, (B, ...) each, of which a slice takes rows: TRPO takes every so-manieth one of them."""
+
+    def __getitem__(self, key: Any) -> Any:
+        """A part of the observations by its name, or some rows of all parts."""
+        return super().__getitem__(key) if isinstance(key, str) else _cut(self, key)
 
 
 def _slicing(get: Get) -> Get:
@@ -35,10 +45,18 @@ def _slicing(get: Get) -> Get:
     return slices
 
 
+def _by_rows(get: Get) -> Get:
+    def batches(batch_size: int | None = None) -> Iterator[Any]:
+        for batch in get(batch_size):
+            yield type(batch)(*(Rows(part) if isinstance(part, dict) else part for part in batch))
+
+    return batches
+
+
 def _cut(part: Any, where: slice) -> Any:
     """Of a tensor, or of each one of a dictionary, the rows."""
     if isinstance(part, dict):
-        return {key: tensor[where] for key, tensor in part.items()}
+        return Rows({key: tensor[where] for key, tensor in part.items()})
     return part[where]
 
 

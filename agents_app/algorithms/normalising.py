@@ -153,8 +153,12 @@ def first_layers(policy: nn.Module) -> list[str]:
     hidden = {name.removesuffix("latent_pi") + "mu" for name, _ in stacks if name.endswith("latent_pi")}
     stacks = [(name, stack) for name, stack in stacks if name not in hidden]  # gSDE makes SAC's last layer a stack, too
     names = [f"{name}.0" for name, stack in stacks if len(stack) and isinstance(stack[0], nn.Linear | ScoresFeatures)]
-    behind = {"mlp_extractor.policy_net": "action_net", "mlp_extractor.value_net": "value_net"}
-    return names + [behind[name] for name, stack in stacks if name in behind and not len(stack)]
+    behind = {"mlp_extractor.policy_net": ["action_net"], "mlp_extractor.value_net": ["value_net"]}
+    layers = dict(policy.named_modules())
+    for name in [name for name, _ in stacks if name.endswith("latent_pi")]:
+        outputs = [name.removesuffix("latent_pi") + kind for kind in ("mu", "log_std")]
+        behind[name] = [f"{it}.0" if isinstance(layers[it], nn.Sequential) else it for it in outputs if it in layers]
+    return names + [layer for name, stack in stacks if not len(stack) for layer in behind.get(name, [])]
 
 
 def write_beside(path: Path | BytesIO, algorithm: Any) -> None:

@@ -58,7 +58,7 @@ class Tape:
         self._closed = self._paused = False
         self.current: Decision | None = None  # of the learner: the one being replayed
         self._started = False  # whether `current` has been stepped from since the last reset
-        self._errand: Any = None
+        self._errands: deque[Callable[[], None]] = deque()
         self.on_taken: Any = None  # called by the learner after each item, so that a waiting actor wakes
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Tape:
@@ -89,7 +89,7 @@ class Tape:
     def send_errand(self, errand: Any) -> None:
         """Have the learner call `errand` where it would take an item: its policy is whole then, between two updates."""
         with self._ready:
-            self._errand = errand
+            self._errands.append(errand)
             self._ready.notify()
 
     @property
@@ -121,7 +121,7 @@ class Tape:
 
     def _take(self) -> Decision | Outcome:
         with self._ready:
-            while not self._closed and (self._errand is not None or self._paused or not self._items):
+            while not self._closed and (self._errands or self._paused or not self._items):
                 self._run_errand_or_wait()
             if self._closed:
                 raise TapeClosed
@@ -131,9 +131,8 @@ class Tape:
         return item
 
     def _run_errand_or_wait(self) -> None:
-        if self._errand is not None:
-            errand, self._errand = self._errand, None
-            run_unlocked(self._ready, errand)
+        if self._errands:
+            run_unlocked(self._ready, self._errands.popleft())
             return
         self._ready.wait()
         if not self._paused and 0 < len(self._items) < self.batch and not self._closed:

@@ -80,7 +80,8 @@ def log_softmax(logits: np.ndarray) -> np.ndarray:
 def draw(log_probs: np.ndarray) -> int:
     """An index by its probability, from NumPy's generator."""
     cumulated = np.exp(log_probs).cumsum()
-    return int(min(np.searchsorted(cumulated, np.random.random() * cumulated[-1], side="right"), log_probs.size - 1))
+    drawn = np.random.random() * float(cumulated[-1])  # in float64: below the sum, however near to it
+    return min(int(np.searchsorted(cumulated, drawn, side="right")), log_probs.size - 1)
 
 
 def vectoriser(extractor: nn.Module, space: spaces.Space) -> Callable[[Any], np.ndarray]:

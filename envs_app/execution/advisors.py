@@ -14,13 +14,14 @@ import numpy as np
 from gymnasium import spaces
 
 from agents_app.algorithms.actor import advising_policy
-from agents_app.algorithms.advice import as_order, combine, combine_logs, neutral_advice
+from agents_app.algorithms.advice import as_order, combine, combine_logs, is_neutral, neutral_advice
 from agents_app.algorithms.builder import is_averaged
 from agents_app.algorithms.masks import allowed_of, mask_advice
 from agents_app.algorithms.mixing import ALL, BEST, GEOMETRIC, SEVERAL, SOFT
 from agents_app.algorithms.peer import Peer
 from agents_app.algorithms.spec import AgentSpec
 from agents_app.algorithms.weights import assign, flatten, parameters_of
+from envs_app.execution.averaging import TAIL
 from envs_app.execution.frozen import Frozen
 
 SEVERAL_ARE = 3  # docs/adr/0006
@@ -82,7 +83,10 @@ class Advisors:
 
     def _eligible(self) -> list[int]:
         """Who may be asked: all, or the best of those that have ended an episode."""
-        numbers = list(self._peers.versions()) if self._spec.peers_advise else []
+        versions = self._peers.versions() if self._spec.peers_advise else {}
+        numbers = [
+            number for number, version in versions.items() if number in self._known or self._is_news(number, version)
+        ]
         numbers += [] if self._frozen is None else [FROZEN]
         if self._spec.advisors == BEST:
             returns = self._mean_returns()
@@ -102,11 +106,16 @@ class Advisors:
 
     def _sizes(self) -> tuple[int, int]:
         """How many numbers a peer's weights are, and how many follow them that are none of an advisor's (averaging.py)."""
-        behind = parameters_of(self._template) if is_averaged(self._spec) else 0
+        behind = parameters_of(self._template) + TAIL if is_averaged(self._spec) else 0
         return flatten(self._template).size, behind
 
     def _combine(self, answers: list[np.ndarray]) -> np.ndarray:
-        """One piece of advice from several: eq. 5.1, or the mean that the method asks; as an order, if the agent wants orders."""
+        """One piece of advice from several: eq. 5.1, or the mean that the method asks; as an order, if the agent wants orders.
+
+        Who says nothing is left out, and is no distribution to be mixed.
+        """
+        if self._discrete and not (answers := [answer for answer in answers if not is_neutral(answer)]):
+            return self._neutral
         if not self._discrete:
             advice = np.stack(answers).mean(0)
         elif self._spec.advice_method == GEOMETRIC:
@@ -116,24 +125,29 @@ class Advisors:
         if self._spec.advice_form == SOFT:
             return advice
         order = as_order(advice, self._action_space)
-        return order * len(answers) if self._discrete else order
+        return order * len(answers) if self._discrete and not is_neutral(order) else order
 
     def _up_to_date(self, number: int) -> Peer | None:
         """The peer with its latest policy; None when it has just gone, or is from before the agent was changed."""
         if number == FROZEN:
             return self._frozen_peer
         versions = self._peers.versions()
-        for gone in self._known.keys() - versions.keys():
-            del self._known[gone], self._versions[gone]
-        if self._versions.get(number) != versions[number]:
-            weights = self._peers.weights(number)
-            if weights is None or weights.size != self._size + self._behind:
+        for gone in self._versions.keys() - versions.keys():
+            del self._versions[gone]
+            self._known.pop(gone, None)
+        if self._is_news(number, versions[number]) and (weights := self._peers.weights(number)) is not None:
+            self._versions[number] = versions[number]
+            if weights.size != self._size + self._behind:
+                self._known.pop(number, None)
                 return None
             if number not in self._known:
                 self._known[number] = Peer(self._template)
             assign(self._known[number].policy, weights[: self._size])
-            self._versions[number] = versions[number]
-        return self._known[number]
+        return self._known.get(number)
+
+    def _is_news(self, number: int, version: int) -> bool:
+        """Whether a peer has published since it was looked at; what does not fit is not looked at twice."""
+        return self._versions.get(number) != version
 
     def _ask(self, peer: Peer, obs: Any) -> np.ndarray:
         return peer.probabilities(obs) if self._discrete else np.concatenate(peer.gaussian(obs))

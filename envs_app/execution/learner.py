@@ -34,12 +34,13 @@ class Learner(threading.Thread):
         weights: Callable[[], np.ndarray] | None,
         save_interval: int,
         save: Callable[[], None],
-        on_published: Callable[[], None],
+        on_published: Callable[[], bool],
         on_failed: Callable[[str], None],
         turns: Turns | None = None,
         averaging: Averaging | None = None,
     ) -> None:
-        """`turns` are taken for each update; None: updates are short. The callbacks run in this thread.
+        """`turns` are taken for each update; None: updates are short. The callbacks run in this thread; `on_published` returns
+        whether the peers will hear of it: there may be more updates than they could follow.
 
         `weights` are what the actor and the peers need after an update; None: the actor shares them, and there are no peers.
         """
@@ -51,6 +52,8 @@ class Learner(threading.Thread):
         self._save, self._on_published, self._on_failed = save, on_published, on_failed
         self._turns, self._averaging = turns, averaging
         self.updating = False  # an update is being made, or waits for its turn
+        self.ending = False  # it shall end: no more turns are waited for
+        self.learned_at = time.monotonic()  # when the last step was learned from
         self._saved_at = algorithm.num_timesteps
         self._updates: int | None = None  # None: nothing is published yet, not even what was restored
 
@@ -70,16 +73,17 @@ class Learner(threading.Thread):
             self._save()
 
     def _learn(self) -> None:
-        hook = _Hook(self._between_updates, self._before_update, self._before_the_first)
+        hook = _Hook(self._between_updates, self._before_update, self._at_a_step)
         if self._weights and (optimizer := getattr(self.algorithm.policy, "optimizer", None)):
             optimizer.register_step_post_hook(self._amid_an_update)
         with suppress(TapeClosed):
             self.algorithm.learn(ENDLESS, callback=hook, log_interval=None, reset_num_timesteps=False)
 
     def _before_update(self) -> None:
+        """Raises TapeClosed when learning shall end while others have their turn: what was learned is saved at once."""
         self.updating = True
-        if self._turns is not None:
-            self._turns.take()
+        if self._turns is not None and not self._turns.take(lambda: self.ending):
+            raise TapeClosed
 
     def _between_updates(self) -> None:
         self.updating = False
@@ -91,8 +95,9 @@ class Learner(threading.Thread):
                 self._publish(self._weights())
         self.save_if_newer(self.save_interval)
 
-    def _before_the_first(self) -> None:
+    def _at_a_step(self) -> None:
         """A newcomer takes over what is known as soon as it hears of it, not after a rollout of its own."""
+        self.learned_at = time.monotonic()
         if self._weights and self._averaging and self._averaging.is_new and self._averaging.go_on():
             self._hand_over(self._weights())
 
@@ -102,9 +107,10 @@ class Learner(threading.Thread):
             self._hand_over(self._weights())
 
     def _publish(self, weights: np.ndarray) -> None:
+        """Others are heard as often as one is heard oneself, so that all changes between two times count alike."""
         self._hand_over(weights)
-        self._on_published()
-        if self._weights and self._averaging and self._averaging.go_on():
+        heard = self._on_published()
+        if heard and self._weights and self._averaging and self._averaging.go_on():
             self._hand_over(self._weights())
 
     def _hand_over(self, weights: np.ndarray) -> None:

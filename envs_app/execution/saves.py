@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -38,6 +39,13 @@ class SaveMeta:
     extra: dict[str, Any] = field(default_factory=dict)
     created_at: float = 0.0  # seconds since the epoch
     sha256: str = ""
+    knows: int = 0  # as averaging.py counts it
+    idle: float = 0.0  # seconds between the last step that was learned from and the save
+
+    @property
+    def learned_at(self) -> float:
+        """When it learned last. An execution that nobody uses any more is saved as it ends, which makes it no newer."""
+        return self.created_at - self.idle
 
 
 class Chosen(NamedTuple):
@@ -77,7 +85,9 @@ class SaveStore:
 
     def names(self) -> list[str]:
         """The names of the saves, newest first; not yet checked, nor known to be whole."""
-        return sorted((name for name in self._list("")[0] if not name.startswith(".")), reverse=True)
+        names = sorted((name for name in self._list("")[0] if not name.startswith(".")), reverse=True)
+        self._metas = {name: self._metas[name] for name in names if name in self._metas}  # others delete some, too
+        return names
 
     def meta(self, name: str) -> SaveMeta | None:
         """What a save says of itself; None when it is damaged, or not whole."""
@@ -89,10 +99,15 @@ class SaveStore:
         return self._metas[name]
 
     def metas(self) -> Iterator[tuple[str, SaveMeta]]:
-        """The saves whose description can be read, newest first."""
+        """The saves whose description can be read, what learned last first; no more are read than it takes to know that."""
+        read: list[tuple[str, SaveMeta]] = []
         for name in self.names():
+            yield from _taken(
+                read, time_in(name)
+            )  # this one and those that follow learned no later than they were made
             if meta := self.meta(name):
-                yield name, meta
+                read.append((name, meta))
+        yield from _taken(read, -math.inf)
 
     def size(self, name: str) -> int:
         """Bytes of its model; 0 when it has just gone."""
@@ -153,6 +168,13 @@ class SaveStore:
     def _read(self, name: str, file: str) -> bytes:
         with self.storage.open(self._path(name, file)) as opened:
             return opened.read()
+
+
+def _taken(read: list[tuple[str, SaveMeta]], since: float) -> Iterator[tuple[str, SaveMeta]]:
+    """Take out those that learned since then, the last first; of equals the newest save."""
+    read.sort(key=lambda save: (save[1].learned_at, save[0]))
+    while read and read[-1][1].learned_at >= since:
+        yield read.pop()
 
 
 def time_in(name: str) -> float:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import fcntl
 import os
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
@@ -27,16 +28,19 @@ class Turns:
         self._folder, self._count, self._patience = folder, count, patience
         self._held: IO[str] | None = None
 
-    def take(self) -> None:
+    def take(self, is_ending: Callable[[], bool] = lambda: False) -> bool:
         """Wait for a turn, but not for ever: other agents' updates may take minutes, and this one's clients wait too.
 
-        A folder that cannot be written is no reason to wait.
+        A folder that cannot be written is no reason to wait. Returns False when it is ending before it has a turn.
         """
         deadline = time.monotonic() + self._patience
         with suppress(OSError):
             while (held := self._try_all()) is None and time.monotonic() < deadline:
+                if is_ending():
+                    return False
                 time.sleep(PAUSE)
             self._held = held
+        return True
 
     def give_back(self) -> None:
         """Let another one train."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import random
+import time
 import traceback
 from collections import deque
 from collections.abc import Callable
@@ -96,11 +97,11 @@ class Worker:
         spec: ExecutionSpec,
         storage: Storage,
         peers: Peers,
-        publish: Callable[[np.ndarray], None],
+        publish: Callable[[np.ndarray], bool],
         wake: Callable[[], None],
         report: Callable[[dict[str, Any]], None],
     ) -> None:
-        """`publish`, `wake` and `report` are called from the learner's thread."""
+        """`publish`, `wake` and `report` are called from the learner's thread; `publish` returns whether it went out."""
         self.spec, self.counters = spec, Counters()
         self.learning = spec.learning
         self.client_space = parse_space(spec.agent.observation_space)
@@ -114,14 +115,14 @@ class Worker:
         self.masked = builder.is_masked(spec.agent)
         self.algorithm = self._build()
         self.storage, self.store = storage, SaveStore(storage, spec.saves)
-        self._restore()
+        knows = self._restore()
         self.actor = family.make_actor(self.algorithm)
         self.allowed_lead = family.allowed_lead(self.algorithm)
         self.advisors = None
         if builder.is_advised(spec.agent):
             self.advisors = Advisors(self.algorithm, peers, spec.agent, self._frozen_advisor())
         averaged = builder.is_averaged(spec.agent)
-        self.averaging = Averaging(self.algorithm.policy, peers) if averaged else None
+        self.averaging = Averaging(self.algorithm.policy, peers, knows) if averaged else None
         family.attach(self.algorithm, self.feed)
         self.learner = Learner(
             self.algorithm,
@@ -150,10 +151,14 @@ class Worker:
         return min(BRAKE_SECONDS, PACE_SECONDS + BRAKE_SECONDS * (self.feed.backlog / self.allowed_lead) ** 4)
 
     def set_learning(self, learning: bool) -> None:
-        """Learn, or only act, from now on, with what was learned until now."""
-        self.refresh()
+        """Learn, or only act, from now on, with what was learned until now; an update that is being made is part of that.
+
+        What was learned is saved as learning ends: it publishes no more, and newcomers shall know it too.
+        """
         self.learning = learning
         self.feed.pause(not learning)
+        if not learning:
+            self.feed.send_errand(lambda: self.learner.save_if_newer(1))
 
     def show(self, obs: Any, mask: np.ndarray | None = None) -> Any:
         """A client's observation as the algorithm sees it, with the mask if the agent takes any; advice is not asked for."""
@@ -175,7 +180,7 @@ class Worker:
 
     def refresh(self) -> None:
         """Let the actor act with what was learned last."""
-        if self.learning and self.learner.published is not self._seen:
+        if self.learner.published is not self._seen:
             self._seen = self.learner.published
             self.actor.update(self._seen)
 
@@ -189,6 +194,7 @@ class Worker:
 
     def stop(self, patience: float) -> bool:
         """End the learner, which saves; wait for it `patience` seconds. Returns whether it ended."""
+        self.learner.ending = True
         self.feed.close()
         self.learner.join(patience)
         return not self.learner.is_alive()
@@ -234,16 +240,19 @@ class Worker:
         env = gym.make("ShepherdEnv-v0", observation_space=space, action_space=self.action_space, feed=self.feed)
         return env if self.direct else Lane(env)
 
-    def _restore(self) -> None:
-        """Go on from a save of the run: weights, optimisers, counters. A save that does not fit is passed over, and said."""
+    def _restore(self) -> int:
+        """Go on from a save of the run: weights, optimisers, counters. A save that does not fit is passed over, and said.
+
+        Returns what it knows, as averaging.py counts that.
+        """
         if (chosen := self.store.choose(self.spec.start_from)) is None:
-            return
+            return 0
         name, meta, model = chosen
         try:
             builder.restore(self.algorithm, model)
         except Exception:
             self._report({"k": "error", "summary": f"save {name} does not fit", "traceback": traceback.format_exc()})
-            return
+            return 0
         self.algorithm.num_timesteps = meta.steps
         self.algorithm._n_updates = meta.updates
         self.algorithm._episode_num = meta.episodes
@@ -251,6 +260,7 @@ class Worker:
             setattr(self.algorithm, key, value)
         self.counters.episodes = meta.episodes
         self.counters.returns.extend(meta.recent_returns)
+        return meta.knows
 
     def _frozen_advisor(self) -> Frozen | None:
         """Another agent, if one shall advise; one that cannot is passed over, and said."""
@@ -269,13 +279,12 @@ class Worker:
         if family.SHARES_WEIGHTS and algorithm.num_timesteps > 0:
             algorithm.learning_starts += algorithm.num_timesteps
 
-    def _published(self) -> None:
+    def _published(self) -> bool:
         if (weights := self.learner.published) is None:
-            return
+            return False
         if self.averaging is not None:
-            self._publish_weights(self.averaging.publication(weights))
-        elif self.advisors is not None:
-            self._publish_weights(weights)
+            return self._publish_weights(self.averaging.publication(weights))
+        return self.advisors is not None and self._publish_weights(weights)
 
     def _failed(self, text: str) -> None:
         self.failure = text
@@ -292,6 +301,8 @@ class Worker:
             episodes=counters.episodes,
             mean_return=counters.mean_return(),
             recent_returns=list(counters.returns),
+            knows=self.averaging.knows if self.averaging else 0,
+            idle=time.monotonic() - self.learner.learned_at,
             extra={"exploration_rate": algorithm.exploration_rate} if hasattr(algorithm, "exploration_rate") else {},
         )
         try:

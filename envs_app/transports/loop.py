@@ -186,11 +186,13 @@ class ExecutionLoop(ABC):
         log.error("execution %s of agent %s failed:\n%s", self.spec.number, self.spec.agent_id, text)
         self.report({"k": "error", "summary": _summary(text), "traceback": text, "fatal": True})
 
-    def _publish(self, weights: np.ndarray) -> None:
-        """In the learner's thread."""
-        if time.monotonic() - self.published_at >= self.publish_seconds:
-            self.published_at = time.monotonic()
-            self.put_policy(weights)
+    def _publish(self, weights: np.ndarray) -> bool:
+        """In the learner's thread. Returns whether it was time to."""
+        if time.monotonic() - self.published_at < self.publish_seconds:
+            return False
+        self.published_at = time.monotonic()
+        self.put_policy(weights)
+        return True
 
     def _on_signal(self, number: int, frame: Any) -> None:
         self.reason = self.reason or "stop"

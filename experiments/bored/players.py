@@ -219,9 +219,10 @@ class Shepherd:
         worker = Worker(spec, storage, peers, self._publisher(number), self._woken.set, lambda _: None)
         return Desk(worker, FileLedger(folder / "ledger"), self._answers.__setitem__, lambda _: None)
 
-    def _publisher(self, number: int) -> Callable[[np.ndarray], None]:
-        def publish(weights: np.ndarray) -> None:
+    def _publisher(self, number: int) -> Callable[[np.ndarray], bool]:
+        def publish(weights: np.ndarray) -> bool:
             version, _ = self._published.get(number, (0, weights))
             self._published[number] = version + 1, weights
+            return True
 
         return publish

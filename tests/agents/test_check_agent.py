@@ -155,6 +155,10 @@ def test_spaces_are_fixed_once_it_has_learned():
         ({"algorithm": "DQN", "observation_space": DICTIONARY}, {"n_steps": 3}, "n_steps"),
         ({"algorithm": "ARS"}, {"net_arch": "64"}, "net_arch"),
         ({"algorithm": "ARS"}, {"n_top": 9}, "n_top"),
+        ({"algorithm": "MaskablePPO"}, {"n_steps": 65}, "batch_size"),  # a deviation over one step is no number
+        ({"algorithm": "RecurrentPPO"}, {"batch_size": 1}, "batch_size"),
+        ({"algorithm": "CrossQ", "action_space": REAL}, {"batch_size": 1}, "batch_size"),
+        ({"algorithm": "TRPO"}, {"n_steps": 16, "sub_sampling_factor": 9}, "sub_sampling_factor"),
     ],
 )
 def test_parameters_must_suit_the_spaces(fields, values, name):
@@ -164,6 +168,22 @@ def test_parameters_must_suit_the_spaces(fields, values, name):
         services.set_parameters(saved, values)
     assert list(caught.value.message_dict) == [name]
     assert saved.own_parameters() == {}
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "values"),
+    [
+        ("PPO", {"n_steps": 65}),  # it leaves one step as it is
+        ("RecurrentPPO", {"n_steps": 65, "batch_size": 64, "normalize_advantage": False}),
+        ("MaskablePPO", {"n_steps": 66}),
+        ("TRPO", {"n_steps": 16, "sub_sampling_factor": 8}),
+    ],
+)
+def test_of_two_steps_or_where_nothing_is_compared_updates_may_be_made(algorithm, values):
+    saved = agent(algorithm, 3)
+    saved.save()
+    services.set_parameters(saved, values)
+    assert saved.own_parameters() == values
 
 
 def test_parameters_are_the_defaults_and_the_owners_values():
@@ -186,7 +206,21 @@ def test_parameters_are_the_defaults_and_the_owners_values():
 @pytest.mark.parametrize("algorithm", ["PPO", "A2C", "TRPO", "PolicyGradient", "DQN", "QR-DQN", "BDPI"])
 @pytest.mark.parametrize("method", Agent.AdviceMethod.values)
 def test_every_method_is_taken_for_one_of_n_actions(algorithm, method):
-    agent(algorithm, advice_method=method, advice_form="deterministic").full_clean()
+    agent(algorithm, advice_method=method, advice_form="deterministic", peers_advise=False).full_clean()
+
+
+@pytest.mark.parametrize("algorithm", ["PPO", "A2C", "TRPO", "PolicyGradient"])
+def test_orders_at_each_step_would_leave_nothing_to_learn(algorithm):
+    orders = {"algorithm": algorithm, "advice_method": "intersection", "advice_form": "deterministic"}
+    assert "write soft" in refusal("advice_form", **orders)
+    agent(**orders, learning_correction=False).full_clean()
+    agent(**orders | {"action_space": REAL}).full_clean()
+    agent(**orders | {"advice_method": "reuse"}).full_clean()
+
+
+@pytest.mark.parametrize("algorithm", ["DQN", "BDPI"])
+def test_off_the_policy_orders_are_learned_from(algorithm):
+    agent(algorithm, advice_method="intersection", advice_form="deterministic").full_clean()
 
 
 @pytest.mark.parametrize("algorithm", ["PPO", "A2C", "TRPO", "PolicyGradient", "SAC", "TQC", "TD3", "DDPG"])

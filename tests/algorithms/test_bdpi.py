@@ -14,6 +14,7 @@ from gymnasium import spaces
 from agents_app.algorithms import off_policy
 from agents_app.algorithms.advice import neutral_advice
 from agents_app.algorithms.bdpi import BDPI, Batches
+from agents_app.algorithms.bdpi_policies import BDPIPolicy
 from agents_app.algorithms.ensemble import Ensemble, StackedAdam
 from agents_app.algorithms.mixing import Mixing
 from agents_app.algorithms.replay import Segment, Tape, TapeClosed
@@ -131,6 +132,23 @@ def test_its_members_begin_different():
 def test_it_learns_the_identity_game():
     model = make(Identity(), gamma=0.5).learn(300)
     assert mean_return(model, Identity()) >= 9.5  # of 10
+
+
+@pytest.mark.parametrize("q_loops", [1, 3])
+def test_with_an_odd_number_of_iterations_both_networks_of_a_critic_learn_alike(q_loops):
+    model = make(Identity(), q_loops=q_loops)
+    begun = [critics.layers[-1].detach().clone() for critics in model.policy.critics]
+    model.learn(300)
+    first, second = (
+        float((critics.layers[-1].detach() - before).abs().mean())
+        for critics, before in zip(model.policy.critics, begun, strict=True)
+    )
+    assert first / second == pytest.approx(1.0, abs=0.5)
+
+
+def test_states_are_counted_from_0():
+    with pytest.raises(ValueError, match="from 0"):
+        BDPIPolicy(gym.spaces.Discrete(5, start=1), gym.spaces.Discrete(2), lambda _: 1e-3)
 
 
 def test_it_learns_the_best_way_through_a_grid():

@@ -93,6 +93,13 @@ class TestArithmetic:
             said: Any = np.array(advice, np.float32)
             assert mask_advice(said, allowed).tolist() == [1, 1, 1]
 
+    @pytest.mark.parametrize("least", [1e-30, 1e-40, 1e-45])
+    def test_advice_that_leaves_next_to_nothing_is_what_it_says_of_the_allowed_ones(self, least: float) -> None:
+        advice: Any = np.array([1, least, 0], np.float32)
+        allowed: Any = np.array([0, 1, 1], np.int8)
+        assert mask_advice(advice, allowed).tolist() == pytest.approx([0, 1, 0])
+        assert mask_advice(th.from_numpy(advice), th.from_numpy(allowed)).tolist() == pytest.approx([0, 1, 0])
+
     @pytest.mark.parametrize(("last_word", "best"), [(LEARNER, 0), (ADVISOR, 2)])
     def test_where_they_agree_on_no_allowed_action_the_last_word_decides_among_those(
         self, last_word: str, best: int

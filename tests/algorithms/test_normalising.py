@@ -120,10 +120,12 @@ def test_a_saved_model_is_a_stock_one_that_acts_the_same(name: str, actions: Any
         np.testing.assert_allclose(said[1].numpy(), said[0].numpy(), atol=1e-3)
 
 
+@pytest.mark.parametrize("layers", ["3", "0"])
+@pytest.mark.parametrize("gsde", [True, False])
 @pytest.mark.parametrize("name", ["PPO", "A2C", "SAC", "TQC"])
-def test_so_is_one_that_explores_by_gsde(name: str, tmp_path: Path) -> None:
+def test_so_is_one_that_explores_by_gsde_or_has_no_layers(name: str, gsde: bool, layers: str, tmp_path: Path) -> None:
     """Which makes the last layer of SAC's actor a stack; as wide as what it sees, it must not be taken for a first one."""
-    spec = make_spec(name, CONTINUOUS, WIDE, ON | {"use_sde": True, "net_arch": "3"})
+    spec = make_spec(name, CONTINUOUS, WIDE, ON | {"use_sde": gsde, "net_arch": layers})
     algorithm = built(spec, 1)
     algorithm.normaliser.observe(far(500))
     builder.export(algorithm, spec, tmp_path / "model.zip")

@@ -18,10 +18,10 @@ from tests.algorithms.specs import CONTINUOUS, DISCRETE, OBSERVATIONS, make_spec
 VALUES = 20  # of a rollout: not a multiple of the minibatch
 
 
-def with_rollout(advice: str, actions: Any, observations: Any, **parameters: Any) -> Any:
-    """PPO that has collected a rollout, always the same one."""
+def with_rollout(advice: str, actions: Any, observations: Any, name: str = "PPO", **parameters: Any) -> Any:
+    """An algorithm that has collected a rollout, always the same one."""
     facts = {"n_steps": VALUES, "batch_size": 8} | parameters
-    algorithm = built(make_spec("PPO", actions, observations, facts, advice_method=advice))
+    algorithm = built(make_spec(name, actions, observations, facts, advice_method=advice))
     algorithm.set_logger(configure(None, []))
     buffer, rewards = algorithm.rollout_buffer, np.random.default_rng(3).normal(size=VALUES)
     starts, choices = some(algorithm.observation_space, VALUES), some(algorithm.action_space, VALUES)
@@ -53,11 +53,29 @@ def test_sliced_minibatches_make_the_same_update(advice: str, actions: Any) -> N
     assert not all(map(th.equal, untrained, found))
 
 
+@pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
+@pytest.mark.parametrize("observations", [OBSERVATIONS["vector"], [[64, 64, 64], 0, 255]], ids=["vector", "image"])
+def test_trpo_takes_every_second_step_where_observations_are_a_dictionary(observations: Any) -> None:
+    algorithm = with_rollout("intersection", DISCRETE, observations, "TRPO", sub_sampling_factor=2)
+    slice_minibatches(algorithm.rollout_buffer)
+    (whole,) = algorithm.rollout_buffer.get()
+    assert {key: len(part) for key, part in whole.observations[::2].items()} == dict.fromkeys(
+        whole.observations, VALUES // 2
+    )
+    before = [parameter.clone() for parameter in algorithm.policy.parameters()]
+    algorithm.train()
+    after = list(algorithm.policy.parameters())
+    assert all(parameter.isfinite().all() for parameter in after)
+    assert not all(map(th.equal, before, after))
+
+
 def test_a_rollout_of_images_is_gathered_by_minibatches_as_before() -> None:
     algorithm = with_rollout("none", DISCRETE, [[64, 64, 64], 0, 255])
     assert algorithm.rollout_buffer.observations.nbytes > LARGEST_COPY
     slice_minibatches(algorithm.rollout_buffer)
-    assert "get" not in vars(algorithm.rollout_buffer)
+    (whole,) = algorithm.rollout_buffer.get()
+    assert len(next(iter(algorithm.rollout_buffer.get(8))).actions) == 8
+    assert type(whole.observations) is th.Tensor
 
 
 def test_actions_are_judged_as_by_a_categorical_distribution() -> None:

@@ -68,13 +68,12 @@ class Station:
         self.answers: dict[str, Message] = {}
         self.peers = FixedPeers()
         self.published: list[np.ndarray] = []
+        self.throttled = False  # it may not publish again yet
         self._woken = threading.Event()
         self._held: list[Callable[[], None]] = []
         self.space = parse_space(agent.observation_space)
         self.space.seed(1)
-        self.worker = Worker(
-            spec, self.storage, self.peers, self.published.append, self._woken.set, self.reports.append
-        )
+        self.worker = Worker(spec, self.storage, self.peers, self._publish, self._woken.set, self.reports.append)
         self.ledger = FileLedger(folder / "ledger")
         self.desk = Desk(self.worker, self.ledger, self._take_answer, self.reports.append)
 
@@ -171,6 +170,11 @@ class Station:
         assert held.wait(PATIENCE), "the learner is too busy to be held"
         self._held.append(gate.set)
         return gate.set
+
+    def _publish(self, weights: np.ndarray) -> bool:
+        if not self.throttled:
+            self.published.append(weights)
+        return not self.throttled
 
     def _take_answer(self, to: str, message: Message) -> None:
         self.answers[to] = message

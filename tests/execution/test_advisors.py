@@ -116,6 +116,36 @@ def test_a_peer_whose_weights_have_just_gone_is_passed_over(tmp_path: Path) -> N
         assert np.array_equal(advice_of(station), np.ones(3))
 
 
+@pytest.mark.parametrize("method", ["intersection", "union", "reuse", "geometric"])
+@pytest.mark.parametrize("form", ["soft", "deterministic"])
+def test_advice_of_forbidden_actions_alone_says_nothing(tmp_path: Path, method: str, form: str) -> None:
+    with Station(tmp_path, advice_method=method, advice_form=form, action_masks=True) as station:
+        mask, order = np.array([True, True, False]), np.array([0, 0, 1], np.float32)
+        assert station.worker.see(station.somewhere(), order, mask)["advice"].tolist() == [1, 1, 1]
+
+
+def test_of_equally_good_actions_an_order_names_none(tmp_path: Path) -> None:
+    with advised(tmp_path, advice_form="deterministic") as station:
+        for advice, order in (([1, 1, 1], [1, 1, 1]), ([0.4, 0.4, 0.2], [0.5, 0.5, 0]), ([0.2, 0.2, 0.6], [0, 0, 1])):
+            seen = station.worker.see(station.somewhere(), np.array(advice, np.float32) / sum(advice))
+            assert seen["advice"] == pytest.approx(order)
+
+
+def test_what_does_not_fit_is_looked_at_once_and_asked_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with advised(tmp_path) as station:
+        read: list[int] = []
+        weights = station.peers.weights
+        monkeypatch.setattr(station.peers, "weights", lambda number: read.append(number) or weights(number))
+        station.peers.put(2, leaning(station, 1)[:-1])
+        station.peers.put(3, leaning(station, 2))
+        advice = [advice_of(station) for _ in range(50)]
+        assert sorted(read) == [2, 3]
+        assert sum(np.array_equal(it, np.ones(3)) for it in advice) <= 1
+        assert station.worker.status()["advisors"] == [3]
+        station.peers.put(2, leaning(station, 1))  # after a restart
+        assert {int(advice_of(station).argmax()) for _ in range(50)} == {1, 2}
+
+
 def test_a_network_of_another_shape_is_passed_over(tmp_path: Path) -> None:
     with advised(tmp_path) as station:
         station.peers.put(2, np.zeros(17, np.float32))

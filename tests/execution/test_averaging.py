@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from torch import nn
 
 from agents_app.algorithms.registry import ROWS
 from agents_app.algorithms.weights import assign, flatten, parameters_of
-from envs_app.execution.averaging import FULL_VOICE, Averaging, News, merge, voice_of
+from envs_app.execution.averaging import FULL_VOICE, Averaging, News, merge
 from tests.algorithms.specs import CONTINUOUS, DISCRETE
 from tests.execution.station import FixedPeers, Station
 
+ROUNDS = 30
 NUMBERS = st.lists(st.floats(-10, 10, width=32), min_size=3, max_size=3).map(lambda it: np.array(it, np.float32))
 
 
@@ -31,10 +33,17 @@ def station(tmp_path: Path) -> Any:
         yield station
 
 
-def publish(peers: FixedPeers, number: int, weights: np.ndarray, total: np.ndarray, times: int = 1) -> None:
-    """Execution `number` says so many times what it knows, and by how much its own updates have changed that."""
+def publish(
+    peers: FixedPeers, number: int, weights: np.ndarray, total: np.ndarray, times: int = 1, before: int = 0
+) -> None:
+    """Execution `number` says so many times what it knows, and by how much its own updates have changed that.
+
+    `before`: updates of others that it has taken over.
+    """
     for _ in range(times):
-        peers.put(number, np.concatenate([weights, total], dtype=np.float32))
+        updates = peers.published.get(number, 0)
+        tail = [min(updates, FULL_VOICE), before + updates]
+        peers.put(number, np.concatenate([weights, total, tail], dtype=np.float32))
 
 
 @given(NUMBERS, st.lists(NUMBERS, min_size=2, max_size=5))
@@ -66,8 +75,77 @@ def test_whoever_is_heard_for_the_first_time_does_not_halve_what_one_has_learned
     assert merged == pytest.approx(0.9 * (start + change) + 0.1 * (start + change + known) / 2, abs=1e-4)
 
 
-def test_voices_grow_with_what_was_learned() -> None:
-    assert [voice_of(publications) for publications in (1, 2, 5, 500)] == [0, 1, 4, FULL_VOICE]
+def test_voices_grow_with_what_was_learned(station: Station) -> None:
+    averaging = Averaging(station.algorithm.policy, station.peers)
+    voices, known = zip(
+        *(averaging.publication(flatten(station.algorithm.policy))[-2:] for _ in range(13)), strict=True
+    )
+    assert voices == (*range(10), FULL_VOICE, FULL_VOICE, FULL_VOICE)
+    assert known == tuple(range(13))
+
+
+def begins_with(station: Station, knows: int) -> tuple[Averaging, np.ndarray, int]:
+    """One that goes on from a save in which are so many updates; its weights, and how many of them are parameters."""
+    begun, averaging = flatten(station.algorithm.policy), Averaging(station.algorithm.policy, station.peers, knows)
+    averaging.publication(begun)
+    return averaging, begun, averaging.parameters
+
+
+def test_what_was_restored_is_not_lost_to_a_peer_that_stopped_learning_long_ago(station: Station) -> None:
+    averaging, begun, size = begins_with(station, knows=500)
+    publish(station.peers, 2, begun + 5, np.ones(size), times=20)
+    assert not averaging.go_on()
+    assert np.array_equal(flatten(station.algorithm.policy), begun)
+    said = averaging.publication(begun)
+    assert list(said[-2:]) == [FULL_VOICE, 501]
+    publish(station.peers, 2, begun + 5, np.ones(size))  # says the same again
+    assert not averaging.go_on()
+
+
+def test_whoever_goes_on_from_a_save_follows_those_who_learned_on_meanwhile(station: Station) -> None:
+    averaging, begun, size = begins_with(station, knows=500)
+    publish(station.peers, 2, begun + 5, np.ones(size), times=20, before=480)
+    publish(station.peers, 3, begun + 9, np.ones(size), times=20)  # long ago
+    assert not averaging.go_on(), "499 are less than 500"
+    averaging, begun, size = begins_with(station, knows=499)
+    assert averaging.go_on()
+    assert flatten(station.algorithm.policy)[:size] == pytest.approx(begun[:size] + 5, abs=1e-4)
+    assert list(averaging.publication(flatten(station.algorithm.policy))[-2:]) == [1, 500]
+
+
+def test_a_newcomer_does_not_go_by_what_was_known_long_ago(station: Station) -> None:
+    averaging, begun, size = begins_with(station, knows=0)
+    publish(station.peers, 2, begun + 5, np.ones(size), times=12)
+    publish(station.peers, 3, begun + 1, np.ones(size), times=24)
+    publish(station.peers, 4, begun + 3, np.ones(size), times=15, before=20)
+    assert averaging.go_on()
+    assert flatten(station.algorithm.policy)[:size] == pytest.approx(begun[:size] + 3, abs=1e-4)
+    assert averaging.knows == 34
+
+
+@given(st.integers(1, 12), st.integers(2, 6))
+def test_they_go_as_fast_as_one_however_seldom_they_may_publish(updates: int, executions: int) -> None:
+    said = [FixedPeers() for _ in range(executions)]
+    policies = [nn.Linear(1, 1) for _ in range(executions)]
+    for policy in policies:
+        assign(policy, np.zeros(2, np.float32))
+    everybody = [Averaging(policy, it) for policy, it in zip(policies, said, strict=True)]
+
+    def speak(number: int, publication: np.ndarray) -> None:
+        for it in said[:number] + said[number + 1 :]:
+            it.put(number, publication)
+
+    for number, averaging in enumerate(everybody):
+        speak(number, averaging.publication(flatten(policies[number])))
+    for _ in range(ROUNDS):
+        for number, averaging in enumerate(everybody):
+            for _ in range(updates):  # only the last one is published
+                assign(policies[number], flatten(policies[number]) + np.float32(1.0))
+                publication = averaging.publication(flatten(policies[number]))
+            speak(number, publication)
+            averaging.go_on()
+    assert flatten(policies[0]) / (ROUNDS * updates) == pytest.approx(1.0, abs=0.1)
+    assert [averaging.knows >= ROUNDS * updates for averaging in everybody] == [True] * executions
 
 
 def test_what_two_learn_reaches_both(station: Station) -> None:
@@ -86,14 +164,14 @@ def test_what_two_learn_reaches_both(station: Station) -> None:
     assign(policy, learned)
     said = averaging.publication(flatten(policy))
     assert said[: begun.size] == pytest.approx(learned)
-    assert said[begun.size :] == pytest.approx(np.full(size, 2), abs=1e-5)
+    assert said[begun.size : -2] == pytest.approx(np.full(size, 2), abs=1e-5)
     publish(station.peers, 2, np.concatenate([begun[:size] + theirs, begun[size:] + 9]), theirs)
     assert averaging.go_on()
     after = flatten(policy)
     assert after[:size] == pytest.approx(begun[:size] + 3, abs=1e-5)
     assert np.array_equal(after[size:], begun[size:])  # its own normalisation
     assert not averaging.go_on()  # nobody is heard twice
-    assert averaging.publication(flatten(policy))[begun.size :] == pytest.approx(np.full(size, 2), abs=1e-5)
+    assert averaging.publication(flatten(policy))[begun.size : -2] == pytest.approx(np.full(size, 2), abs=1e-5)
 
 
 def test_nobody_is_heard_before_it_has_learned(station: Station) -> None:
@@ -183,9 +261,25 @@ def test_after_an_update_it_goes_on_with_what_others_learned(tmp_path: Path, row
         publish(station.peers, 2, begun + 3, np.zeros(size), times=FULL_VOICE + 1)
         station.play(70)
         station.wait_until(lambda: (flatten(station.algorithm.policy) - begun)[:size].mean() > 1)
-        assert np.array_equal(station.published[0], np.concatenate([begun, np.zeros(size, np.float32)]))
+        assert np.array_equal(station.published[0], np.concatenate([begun, np.zeros(size + 2, np.float32)]))
         station.worker.refresh()
         assert (flatten(station.worker.actor.policy) - begun)[:size].mean() > 1
+
+
+def test_others_are_heard_as_often_as_one_may_publish(tmp_path: Path) -> None:
+    with learning(tmp_path, parameters={"n_steps": 16}) as station:
+        begun, size = flatten(station.algorithm.policy), parameters_of(station.algorithm.policy)
+        station.play(3)
+        station.wait_until(lambda: station.published, "what it begins with")
+        station.throttled = True
+        station.play(80)
+        station.wait_until(lambda: station.algorithm._n_updates >= 6, "three updates")
+        publish(station.peers, 2, begun + 9, np.zeros(size), times=FULL_VOICE + 1)
+        station.play(40)
+        assert abs(flatten(station.algorithm.policy) - begun)[:size].max() < 1
+        station.throttled = False
+        station.play(40)
+        station.wait_until(lambda: (flatten(station.algorithm.policy) - begun)[:size].mean() > 0.1, "what others know")
 
 
 def test_advice_is_taken_from_the_policy_that_is_published_with_more(tmp_path: Path) -> None:

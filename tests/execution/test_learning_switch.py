@@ -68,3 +68,25 @@ def test_a_decision_of_learning_whose_outcome_comes_later_is_learned_from(tmp_pa
         station.step(reward=1.0, terminated=True)
         station.worker.set_learning(True)
         station.wait_until(lambda: station.learned_from >= 2)
+
+
+def test_switched_off_amid_an_update_it_acts_with_what_that_update_brings(tmp_path: Path) -> None:
+    slow = {"n_steps": 256, "batch_size": 8, "n_epochs": 30, "net_arch": "64,64", "learning_rate": 0.003}
+    with Station(tmp_path, averaging=True, parameters=slow) as station:
+        station.play(300)
+        station.wait_until(lambda: station.worker.learner.updating, "an update")
+        station.worker.set_learning(False)
+        station.hold_learner()  # the update is over
+        assert station.algorithm._n_updates == 30
+        station.step()
+        assert np.array_equal(flatten(station.worker.actor.policy), weights(station))
+
+
+def test_what_was_learned_is_saved_as_learning_is_switched_off(tmp_path: Path) -> None:
+    with Station(tmp_path) as station:
+        station.play(70)
+        station.worker.set_learning(False)
+        station.hold_learner()
+        chosen = station.worker.store.choose("latest")
+        assert chosen is not None
+        assert chosen.meta.steps == station.learned_from

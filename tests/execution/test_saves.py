@@ -78,6 +78,38 @@ def test_the_newest_is_chosen(store: SaveStore) -> None:
     assert (chosen.name, chosen.model.getvalue()) == (names[2], b"model of 30")
 
 
+def test_one_that_stopped_learning_long_ago_is_not_the_newest_though_it_was_saved_last(store: SaveStore) -> None:
+    saved = [save(store, steps) for steps in (10, 20)]
+    for steps, idle in ((31, 0.0), (32, 2000.0), (33, 1000.0)):
+        meta = SaveMeta("b" * 32, 2, steps, updates=1, episodes=1, mean_return=None, idle=idle)
+        saved.append(store.write(meta, lambda model: model.write(b"another")))
+    assert steps_of(store) == [31, 20, 10, 33, 32]
+    assert store.names() == saved[::-1]
+    chosen = store.choose("latest")
+    assert chosen is not None
+    assert chosen.meta.steps == 31
+    store.prune(2)
+    assert steps_of(store) == [31, 20, 10, 33]
+
+
+def test_to_know_the_newest_others_are_not_read(store: SaveStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    newest = [save(store, steps) for steps in range(10)][-1]
+    other, read = SaveStore(store.storage, store.prefix), []
+    monkeypatch.setattr(other, "_read", lambda name, file: read.append(name) or store._read(name, file))
+    chosen = other.choose("latest")
+    assert chosen is not None
+    assert (chosen.name, read) == (newest, [newest, newest])  # its description, and its model
+
+
+def test_what_others_deleted_is_forgotten(store: SaveStore) -> None:
+    other = SaveStore(store.storage, store.prefix)
+    for steps in range(20):
+        save(store, steps)
+        other.prune(3)
+    assert len(list(store.metas())) == 3
+    assert len(store._metas) == 3
+
+
 def test_the_newest_is_the_newest_though_the_clock_was_set_back(
     store: SaveStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:

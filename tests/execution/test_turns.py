@@ -31,6 +31,15 @@ def test_an_update_that_takes_minutes_keeps_nobody_waiting_so_long(tmp_path: Pat
     patient.give_back()
 
 
+def test_nobody_waits_who_is_ending(tmp_path: Path) -> None:
+    endless, other = Turns(tmp_path, 1), Turns(tmp_path, 1)
+    assert endless.take(lambda: True), "there was one"
+    before = time.monotonic()
+    assert not other.take(lambda: True)
+    assert time.monotonic() - before < PATIENCE
+    endless.give_back()
+
+
 def test_without_a_folder_there_are_no_turns(tmp_path: Path) -> None:
     one, other = (Turns(tmp_path / "missing", 1) for _ in range(2))
     before = time.monotonic()

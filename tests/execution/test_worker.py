@@ -15,6 +15,7 @@ from agents_app.algorithms.weights import flatten
 from envs_app.execution import learner
 from envs_app.execution.learner import Diverged
 from envs_app.execution.saves import MODEL
+from envs_app.execution.turns import PATIENCE, Turns
 from tests.algorithms.building import tensors
 from tests.algorithms.specs import CONTINUOUS, DISCRETE
 from tests.execution.station import Station
@@ -39,6 +40,23 @@ def actions(folder: Path, steps: int = 40, **options: Any) -> list[Any]:
     """What an execution does at the same place, again and again."""
     with Station(folder, **options) as station:
         return [station.step(obs=2)["action"] for _ in range(steps)]
+
+
+def test_one_that_waits_for_its_turn_saves_at_once_when_it_shall_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SHEPHERD_TRAINERS", "1")
+    (tmp_path / "turns").mkdir()
+    other = Turns(tmp_path / "turns", 1)
+    other.take()
+    with Station(tmp_path, turns=str(tmp_path / "turns"), parameters={"n_steps": 128}) as station:
+        station.play(135)
+        station.wait_until(lambda: station.worker.learner.updating, "the learner to wait for its turn")
+        assert station.worker.stop(PATIENCE / 2)
+        chosen = station.worker.store.choose("latest")
+    other.give_back()
+    assert chosen is not None
+    assert (chosen.meta.steps, chosen.meta.updates) == (128, 0)
 
 
 class TestRandomness:
