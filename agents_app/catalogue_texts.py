@@ -67,7 +67,8 @@ PARAMETERS = {
     "use_sde_at_warmup": "With use_sde: explore by its noise from the first step, instead of by random actions.",
     "rms_prop_eps": "A small number that keeps the optimiser from dividing by zero.",
     "use_rms_prop": "Use the optimiser RMSprop, as the original; no: Adam.",
-    "buffer_size": "How many steps the memory holds. It takes memory of the machine: size times the observation.",
+    "buffer_size": "How many steps the memory holds. It takes memory of the machine: twice the size "
+    "times the observation.",
     "learning_starts": "How many random steps are collected before learning starts.",
     "tau": "How fast the slow copy of the network follows the learning one: 1 is a full copy.",
     "train_freq": "Learn every so many steps.",
@@ -119,6 +120,7 @@ OWN = {
         "gradient_steps": "How many rounds of training are made each time; in each, every critic learns, then teaches "
         "the actor. -1: as many as steps were made since the last time.",
     },
+    "TRPO": {"target_kl": "How far one update may change the policy."},
     "PolicyGradient": {
         "n_steps": "An update comes after so many steps at the latest; an episode that is longer is cut there.",
         "normalize_advantage": "Bring the returns of an update to one scale, so that the scale of rewards matters less.",

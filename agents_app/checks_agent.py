@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -31,12 +30,12 @@ if TYPE_CHECKING:
 
 SPACES = ("action_space", "observation_space")
 FIXED = ("policy", *SPACES, "action_features")  # what the weights depend on
-FIXED_PARAMETERS = {"net_arch", "use_sde", "n_critics", "normalize_observations"}  # too
+FIXED_PARAMETERS = {"net_arch", "use_sde", "n_critics", "normalize_observations", "use_rms_prop"}  # too
 HAS_LEARNED = "The agent has learned with another value: reset its learning first, or make a new agent."
 LINEAR = "LinearPolicy"
 NO_ADVICE = "none"
 DETERMINISTIC = {"TD3", "DDPG"}  # algorithms whose policy is one action
-STILL = re.compile(r"\s*|\w+ [0.]+(e-?\d+)?")  # action_noise that is none, such as "normal 0"
+MOST_MEMORY = 8 * 2**30  # bytes of a replay buffer
 
 
 def check_agent(agent: Agent) -> None:
@@ -89,14 +88,49 @@ def _unsuitable(agent: Agent, values: dict[str, Any]) -> Iterator[tuple[str, str
         yield "n_top", f"Write at most the value of n_delta, {values['n_delta']}."
     if (values.get("learning_rate_end") or 0) > values["learning_rate"]:
         yield "learning_rate_end", f"Write at most the learning_rate, {values['learning_rate']}, from which it falls."
+    if values.get("gradient_steps") == 0:
+        yield "gradient_steps", "With 0 nothing would be learned: write 1 or more, or -1."
+    yield from _endless(values)
+    yield from _too_large(agent, values)
     by_samples = (agent.advice_method, agent.continuous_advice) == (mixing.INTERSECTION, mixing.BY_SAMPLING)
-    if by_samples and agent.algorithm.name in DETERMINISTIC and STILL.fullmatch(values.get("action_noise") or ""):
+    if by_samples and agent.algorithm.name in DETERMINISTIC and _is_still(values.get("action_noise") or ""):
         yield (
             "action_noise",
             (
                 f"Advice by samples needs to know how probable actions are, and {agent.algorithm} has one action only: write "
                 "e.g. normal 0.1, or have advice meet half way."
             ),
+        )
+
+
+def _is_still(noise: str) -> bool:
+    """Whether an action_noise is none, such as "normal 0"."""
+    return not noise.strip() or np.float32(noise.split()[-1]) == 0
+
+
+def _endless(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Numbers in texts that are too large to be any, or from which a logarithm would be."""
+    for name in ("ent_coef", "target_entropy", "action_noise"):
+        kind, text = "", values.get(name)
+        if isinstance(text, str) and (numbers := text.replace("_", " ").split()):
+            *kinds, number = numbers
+            kind = kinds[0] if kinds else ""
+            if number != "auto" and not np.isfinite(np.float32(number)):
+                yield name, "This number is too large: write a smaller one."
+            elif kind == "auto" and np.float32(number) == 0:
+                yield name, "The number behind auto_ is where it begins: write more than 0."
+
+
+def _too_large(agent: Agent, values: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """A memory of steps that no machine has. Each step is kept with the observation before it and the one after."""
+    space = _space(agent, "observation_space")
+    parts = space.spaces.values() if isinstance(space, spaces.Dict) else [space]
+    step = 2 * sum(int(np.prod(part.shape or ())) * np.dtype(part.dtype or np.int64).itemsize for part in parts)
+    if (size := values.get("buffer_size") or 0) * step > MOST_MEMORY:
+        most = MOST_MEMORY // step
+        yield (
+            "buffer_size",
+            f"{size} steps of such observations take {size * step / 2**30:.0f} GiB: write at most {most}.",
         )
 
 
@@ -255,10 +289,17 @@ def _check_advice(agent: Agent, algorithm: Algorithm, space: spaces.Space) -> No
 
 
 def _check_orders(agent: Agent, algorithm: Algorithm) -> None:
-    """Orders at each step that are always obeyed: the policy that acts is the advisor's, and its gradient nothing (eq. 3.1)."""
+    """Advice at each step that is always followed: the policy that acts is the advisor's, and its gradient nothing (eq. 3.1)."""
     learns_what_acts = get_row(algorithm.name).family == "on_policy" and agent.learning_correction
-    obeys = (agent.advice_method, agent.advice_form) == (mixing.INTERSECTION, mixing.DETERMINISTIC)
-    if obeys and learns_what_acts and (agent.peers_advise or agent.advisor is not None):
+    heard = learns_what_acts and (agent.peers_advise or agent.advisor is not None)
+    if heard and (agent.advice_method, agent.psi) == (mixing.REUSE, 1):
+        raise ValidationError(
+            {"psi": "With 1 the agent would only imitate and learn nothing itself: write less, e.g. 0.5."}
+        )
+    obeys = agent.advice_method == mixing.INTERSECTION or (
+        agent.advice_method == mixing.GEOMETRIC and agent.advice_weight
+    )
+    if heard and obeys and agent.advice_form == mixing.DETERMINISTIC:
         sentence = (
             "An order at each step leaves nothing to learn: write soft, or let only clients advise, now and then."
         )
@@ -283,10 +324,18 @@ def _check_advisor(agent: Agent, advisor: Agent) -> None:
         sentence = "An agent cannot be its own advisor: its executions advise each other."
     elif not advisor.algorithm.advice:
         sentence = f"{advisor} cannot advise, for {advisor.algorithm} gives no probabilities: choose another agent."
-    elif [_space(advisor, name) for name in SPACES] != [_space(agent, name) for name in SPACES]:
+    elif not have_same_spaces(agent, advisor):
         sentence = f"{advisor} has other actions or observations: choose an agent with the same."
     if sentence:
         raise ValidationError({"advisor": sentence})
+
+
+def have_same_spaces(one: Agent, other: Agent) -> bool:
+    """Whether two agents see and do the same, however they have it written down."""
+    try:
+        return [_space(one, name) for name in SPACES] == [_space(other, name) for name in SPACES]
+    except ValidationError:
+        return False
 
 
 def averages_nothing(algorithm: Algorithm) -> str:

@@ -15,7 +15,7 @@ from django.db.models import QuerySet
 from django.utils import timezone
 
 from agents_app.algorithms.registry import get_row
-from agents_app.checks_agent import NO_ADVICE, averages_nothing, check_parameters, takes_no_advice
+from agents_app.checks_agent import NO_ADVICE, averages_nothing, check_parameters, have_same_spaces, takes_no_advice
 from agents_app.fleet import get_fleet
 from agents_app.models import (
     ActionTally,
@@ -52,8 +52,8 @@ def create_agent(owner: User, fields: dict[str, Any], parameters: dict[str, Any]
 
 def possible_advisors(agent: Agent) -> QuerySet[Agent]:
     """Agents of the same owner with the same actions and observations, and an algorithm that can advise."""
-    same = {"owner": agent.owner_id, "action_space": agent.action_space, "observation_space": agent.observation_space}
-    return Agent.objects.filter(**same, algorithm__advice=True).exclude(pk=agent.pk)
+    able = Agent.objects.filter(owner=agent.owner_id, algorithm__advice=True).exclude(pk=agent.pk)
+    return able.filter(pk__in=[other.pk for other in able if have_same_spaces(agent, other)])
 
 
 def set_parameters(agent: Agent, values: dict[str, Any]) -> None:

@@ -20,6 +20,7 @@ from agents_app.models import Agent, Algorithm, Parameter, ParameterType, User
 from agents_app.models.catalogue import check_value
 
 PREFIX = "parameter_"
+CHOICES = {True: "true", False: "false"}  # of a yes or no, as the page sends them
 NO_JSON = {"invalid": "This cannot be read: write e.g. 4, or [[8], -10, 10]."}
 
 
@@ -61,7 +62,7 @@ class AgentForm(forms.ModelForm):
         if "advisor" in self.fields:
             self.fields["advisor"].queryset = services.possible_advisors(self.instance)  # type: ignore[attr-defined]
         for name, value in self.instance.own_parameters().items() if self.instance.pk else ():
-            self.initial[PREFIX + name] = value
+            self.initial[PREFIX + name] = CHOICES[value] if isinstance(value, bool) else value
 
     def parameters(self) -> dict[str, Any]:
         """The owner's values by parameter name; None for the default."""
@@ -98,9 +99,11 @@ def field_for(parameter: Parameter) -> forms.Field:
     options["validators"] = [lambda value: check_value(parameter, value)]
     placeholder = {"placeholder": f"default: {shown}"}
     if parameter.type == ParameterType.BOOL:
-        choices = [("", f"default: {shown}"), ("true", "yes"), ("false", "no")]
+        choices = [("", f"default: {shown}"), (CHOICES[True], "yes"), (CHOICES[False], "no")]
         widget = UnfoldAdminSelectWidget(choices=choices)
-        return forms.TypedChoiceField(coerce="true".__eq__, empty_value=None, choices=choices, widget=widget, **options)
+        return forms.TypedChoiceField(
+            coerce=CHOICES[True].__eq__, empty_value=None, choices=choices, widget=widget, **options
+        )
     if parameter.type == ParameterType.INT:
         return forms.IntegerField(widget=UnfoldAdminIntegerFieldWidget(attrs=placeholder), **options)
     if parameter.type == ParameterType.FLOAT:

@@ -187,6 +187,8 @@ def export(algorithm: Any, spec: AgentSpec, path: Path | BytesIO) -> None:
     policy_kwargs = {key: value for key, value in algorithm.policy_kwargs.items() if key not in ours}
     data |= {"policy_class": algorithm.stock_policy, "policy_kwargs": policy_kwargs}
     data |= {"observation_space": spec.observations()}
+    if "learning_starts" in spec.parameters:  # an execution that goes on from a save has shifted it
+        data["learning_starts"] = spec.parameters["learning_starts"]
     data |= {"_last_obs": None, "_last_original_obs": None, "_last_episode_starts": None}
     for name in ("rollout_buffer_class", "replay_buffer_class"):
         if name in data:
@@ -211,12 +213,27 @@ def restore(algorithm: Any, path: Path | BytesIO) -> None:
     action_features.read_beside(path, algorithm.policy, params)
     if hasattr(algorithm, "normaliser"):
         normalising.read_beside(path, algorithm, params["policy"])
-    algorithm.set_parameters(params, exact_match=True, device="cpu")
+    own = algorithm.get_parameters()
+    algorithm.set_parameters(
+        {name: _with_own_settings(params.get(name), state) for name, state in own.items()},
+        exact_match=True,
+        device="cpu",
+    )
     for name, value in (variables or {}).items():
-        if value is not None:
+        if value is not None and name != "ent_coef_tensor" and getattr(algorithm, name, None) is not None:
             recursive_setattr(algorithm, f"{name}.data", value.data)
     if hasattr(algorithm, "weights"):  # ARS learns on a vector of its own, of which the policy is a copy
         algorithm.weights = parameters_to_vector(algorithm.policy.parameters()).detach()
+
+
+def _with_own_settings(saved: dict[str, Any] | None, own: dict[str, Any]) -> dict[str, Any]:
+    """What was saved of an optimiser, with the settings of now; one of another kind, or that was not saved, stays new."""
+    if saved is None or "param_groups" not in own:
+        return own if saved is None else saved
+    groups = list(zip(saved["param_groups"], own["param_groups"], strict=False))
+    if len(saved["param_groups"]) != len(own["param_groups"]) or any(it.keys() != mine.keys() for it, mine in groups):
+        return own
+    return {"state": saved["state"], "param_groups": [mine | {"params": it["params"]} for it, mine in groups]}
 
 
 def _attribute(owner: Any, dotted: str) -> Any:

@@ -12,6 +12,7 @@ import copy
 from typing import Any
 
 import numpy as np
+from stable_baselines3.common.noise import ActionNoise
 
 from agents_app.algorithms.actor import Memory, batch, own_policy
 from agents_app.algorithms.replay import Decision, Tape
@@ -56,7 +57,7 @@ def allowed_lead(algorithm: Any) -> int:
 
 
 class OffPolicyActor:
-    """A shallow copy of the algorithm, with a policy and an exploration of its own."""
+    """A shallow copy of the algorithm, with a policy and an exploration of its own. The memory of an episode is its noise."""
 
     def __init__(self, algorithm: Any) -> None:
         self.algorithm = copy.copy(algorithm)
@@ -64,7 +65,7 @@ class OffPolicyActor:
         share(policy, algorithm.policy)
         self.algorithm.policy = quickened(policy)
         self.algorithm._create_aliases()
-        self.algorithm.action_noise = copy.deepcopy(algorithm.action_noise)
+        self.noise = algorithm.action_noise
         self.algorithm.action_space = copy.deepcopy(algorithm.action_space)  # it has a random generator of its own
         self.steps = 0
 
@@ -73,23 +74,30 @@ class OffPolicyActor:
         own = self.algorithm
         self._explore_anew()
         own._last_obs = batch(obs)
+        own.action_noise = self._noise_of(memory)
         action, buffered = own._sample_action(own.learning_starts, own.action_noise, 1)
         own.num_timesteps += 1
         self.steps += 1
         self._anneal()
-        return Decision(obs, action[0], (action, buffered)), None
+        return Decision(obs, action[0], (action, buffered)), own.action_noise
 
     def exploit(self, obs: Any, memory: Memory, mask: np.ndarray | None) -> tuple[Any, Memory]:
         """The greedy action."""
-        return self.algorithm.policy.predict(batch(obs), deterministic=True)[0][0], None
+        return self.algorithm.policy.predict(batch(obs), deterministic=True)[0][0], memory
 
     def update(self, weights: np.ndarray) -> None:
         """Nothing to do: the weights are shared."""
 
     def begin(self) -> None:
-        """Correlated noise begins anew."""
-        if self.algorithm.action_noise is not None:
-            self.algorithm.action_noise.reset()
+        """Nothing to do."""
+
+    def _noise_of(self, memory: Memory) -> ActionNoise | None:
+        """Each session's own, for noise may be correlated in time; it begins anew with each episode."""
+        if memory is not None or self.noise is None:
+            return memory
+        noise = copy.deepcopy(self.noise)
+        noise.reset()
+        return noise
 
     def _explore_anew(self) -> None:
         """Draw the exploration matrix of gSDE when `collect_rollouts` would: first, and every sde_sample_freq steps."""

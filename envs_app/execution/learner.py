@@ -33,7 +33,7 @@ class Learner(threading.Thread):
         algorithm: Any,
         weights: Callable[[], np.ndarray] | None,
         save_interval: int,
-        save: Callable[[], None],
+        save: Callable[[], bool],
         on_published: Callable[[], bool],
         on_failed: Callable[[str], None],
         turns: Turns | None = None,
@@ -54,7 +54,7 @@ class Learner(threading.Thread):
         self.updating = False  # an update is being made, or waits for its turn
         self.ending = False  # it shall end: no more turns are waited for
         self.learned_at = time.monotonic()  # when the last step was learned from
-        self._saved_at = algorithm.num_timesteps
+        self._saved_at = self._tried_at = algorithm.num_timesteps
         self._updates: int | None = None  # None: nothing is published yet, not even what was restored
 
     def run(self) -> None:
@@ -66,11 +66,16 @@ class Learner(threading.Thread):
             self._on_failed(traceback.format_exc())
 
     def save_if_newer(self, steps: int) -> None:
-        """Save when at least `steps` were learned from since the last time; a full disk does not stop the learning."""
-        if self.algorithm.num_timesteps - self._saved_at >= steps:
+        """Save when at least `steps` were learned from since the last time; a full disk does not stop the learning.
+
+        What could not be saved is tried again after so many steps, or with 1 at once.
+        """
+        now = self.algorithm.num_timesteps
+        if now - (self._saved_at if steps == 1 else self._tried_at) >= steps:
             check_finite(flatten(self.algorithm.policy))
-            self._saved_at = self.algorithm.num_timesteps
-            self._save()
+            self._tried_at = now
+            if self._save():
+                self._saved_at = now
 
     def _learn(self) -> None:
         hook = _Hook(self._between_updates, self._before_update, self._at_a_step)

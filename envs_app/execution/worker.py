@@ -43,6 +43,8 @@ PACE_SECONDS, BRAKE_SECONDS = (
     0.3,
 )  # between decisions while an update is made: as it begins, and at the full lead
 
+COUNTED = ("exploration_rate", "_n_calls")  # of DQN and QR-DQN; by the calls the slow copy of the network is renewed
+
 log = logging.getLogger("shepherd.execution")
 
 
@@ -252,6 +254,7 @@ class Worker:
             builder.restore(self.algorithm, model)
         except Exception:
             self._report({"k": "error", "summary": f"save {name} does not fit", "traceback": traceback.format_exc()})
+            self.algorithm = self._build()  # half of the save may be in it
             return 0
         self.algorithm.num_timesteps = meta.steps
         self.algorithm._n_updates = meta.updates
@@ -290,8 +293,8 @@ class Worker:
         self.failure = text
         self._wake()
 
-    def _save(self) -> None:
-        """In the learner's thread, between updates."""
+    def _save(self) -> bool:
+        """In the learner's thread, between updates. Returns whether it could."""
         algorithm, counters = self.algorithm, self.counters
         meta = SaveMeta(
             execution=self.spec.uid,
@@ -303,17 +306,19 @@ class Worker:
             recent_returns=list(counters.returns),
             knows=self.averaging.knows if self.averaging else 0,
             idle=time.monotonic() - self.learner.learned_at,
-            extra={"exploration_rate": algorithm.exploration_rate} if hasattr(algorithm, "exploration_rate") else {},
+            extra={name: getattr(algorithm, name) for name in COUNTED if hasattr(algorithm, name)},
         )
         try:
             name = self.store.write(meta, lambda model: builder.export(algorithm, self.spec.agent, model))
             self.store.prune(self.spec.saves_kept)
             self.save_error = ""
             self._report({"k": "saved", "name": name})
+            return True
         except Exception as error:
             log.warning("execution %s could not save: %s", self.spec.number, error)
             self.save_error = str(error)
             self._report({"k": "error", "summary": f"could not save: {error}", "traceback": traceback.format_exc()})
+            return False
 
 
 def seed_everything(seed: int | None, number: int) -> int:

@@ -1,5 +1,7 @@
 """The page of an agent, as a browser asks for it and sends it."""
 
+from html.parser import HTMLParser
+
 from django.urls import reverse
 
 from agents_app.admin.agents import ADVICE
@@ -29,6 +31,50 @@ def fields_of(agent, **changes):
 
 def save(client, agent, **changes):
     return client.post(url(agent), fields_of(agent, **changes), follow=True)
+
+
+class Shown(HTMLParser):
+    """The form of a page, and what a browser sends of it when nobody touches it."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.fields, self._inside, self._select, self._area = {}, False, "", ""
+        self.feed(page.content.decode())
+
+    def handle_starttag(self, tag, attrs):
+        of = dict(attrs)
+        if tag == "form":
+            self._inside = of.get("id") == "agent_form"
+        elif not self._inside or "disabled" in of:
+            return
+        elif tag == "input" and of.get("type") not in ("submit", "button", "file", "image", "reset"):
+            if of.get("type") not in ("checkbox", "radio") or "checked" in of:
+                self.fields[of.get("name", "")] = of.get("value", "on" if of.get("type") == "checkbox" else "")
+        elif tag == "select":
+            self._select = of["name"]
+        elif tag == "option" and ("selected" in of or self._select not in self.fields):
+            self.fields[self._select] = of.get("value", "")
+        elif tag == "textarea":
+            self._area = of["name"]
+            self.fields[self._area] = ""
+
+    def handle_data(self, data):
+        if self._area:
+            self.fields[self._area] += data
+
+    def handle_endtag(self, tag):
+        if tag == "form":
+            self._inside = False
+        if tag == "textarea":
+            self._area = ""
+
+
+def save_as_shown(client, agent, **changes):
+    """As an owner does it who opens the page, changes some fields, and saves."""
+    fields = {
+        name: value for name, value in Shown(client.get(url(agent))).fields.items() if name and not name.startswith("_")
+    }
+    return client.post(url(agent), fields | changes, follow=True)
 
 
 def errors(response):

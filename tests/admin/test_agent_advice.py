@@ -6,7 +6,7 @@ import pytest
 
 from agents_app.admin.agents import ADVICE, AgentAdmin, advice_fields
 from agents_app.models import Agent
-from tests.admin.pages import errors, save, url
+from tests.admin.pages import errors, save, save_as_shown, url
 from tests.agents.makers import make_agent
 
 
@@ -49,6 +49,17 @@ def test_another_agent_of_the_owner_may_advise(client, ann, fresh, foreign):
     learned.delete()
     fresh.refresh_from_db()
     assert fresh.advisor is None
+
+
+def test_an_advisor_stays_whose_spaces_are_written_otherwise(client, ann):
+    learned = make_agent("old dog", ann, action_space=[[2], -1.0, 1.0], observation_space={"b": 3, "a": [[2], 0, 1]})
+    taught = make_agent("puppy", ann, action_space=[[2], -1, 1], observation_space={"a": [[2], 0, 1], "b": 3})
+    taught.advisor = learned
+    taught.full_clean()
+    taught.save()
+    save_as_shown(client, taught, max_executions="7")
+    taught.refresh_from_db()
+    assert (taught.max_executions, taught.advisor) == (7, learned)
 
 
 def test_whether_executions_average_is_set_where_they_can(client, ann, fresh):

@@ -3,7 +3,8 @@
 import pytest
 
 from agents_app.models import Algorithm, Parameter
-from tests.admin.pages import act, errors, save, url
+from agents_app.services import set_parameters
+from tests.admin.pages import act, errors, save, save_as_shown, url
 
 
 def test_the_page_has_a_field_for_each_parameter_of_the_algorithm_alone(client, agent):
@@ -24,6 +25,22 @@ def test_values_are_kept_by_type_and_an_empty_field_is_the_default(client, fresh
     assert form["parameter_gamma"].value() == 0.9
     save(client, agent, parameter_n_steps="64")
     assert agent.own_parameters() == {"n_steps": 64}
+
+
+@pytest.mark.parametrize("value", [True, False])
+def test_what_nobody_touches_stays_as_it_is(client, fresh, value):
+    changes = {
+        "gamma": 0.9,
+        "n_steps": 64,
+        "normalize_advantage": value,
+        "normalize_observations": value,
+        "net_arch": "32,32",
+    }
+    set_parameters(fresh, changes)
+    page = save_as_shown(client, fresh, max_executions="7")
+    assert not page.context.get("errors")
+    fresh.refresh_from_db()
+    assert (fresh.max_executions, fresh.own_parameters()) == (7, changes)
 
 
 @pytest.mark.parametrize(
