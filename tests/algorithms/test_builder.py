@@ -167,6 +167,22 @@ class TestRecords:
             actor.decide(obs, None, None)
         assert actor.algorithm.exploration_rate == pytest.approx(0.05)
 
+    def test_each_session_has_a_noise_of_its_own_that_begins_anew_with_an_episode(self) -> None:
+        spec = make_spec("TD3", CONTINUOUS, parameters={"learning_starts": 0, "action_noise": "ou 0.3"})
+        actor: Any = actor_of(built(spec), spec)
+        obs, long = some(spec.observations(), 1)[0], None
+        greedy = actor.exploit(obs, None, None)[0]
+        noises = []
+        for _ in range(200):
+            decision, long = actor.decide(obs, long, None)
+            noises.append(decision.replay[1][0] - actor.algorithm.policy.scale_action(greedy[None])[0])
+            actor.begin()
+            _, memory = actor.decide(obs, None, None)  # another session's first step
+            assert memory is not long
+        moved = np.abs(np.diff(noises, axis=0)).mean()
+        assert np.std(noises) > 2 * moved, "it is correlated in time"
+        assert actor.exploit(obs, long, None)[1] is long
+
 
 class TestExplorationMatrix:
     """gSDE: one matrix of noise is kept for some steps, so that actions are smooth."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch as th
+from stable_baselines3 import DQN
 
 from agents_app.algorithms import builder
 from agents_app.algorithms.weights import flatten
@@ -109,6 +110,63 @@ class TestRestore:
         with Station(tmp_path, number=2, learning=False, **facts) as second:
             assert th.equal(first.algorithm.log_ent_coef, second.algorithm.log_ent_coef)
             assert second.algorithm.log_ent_coef.item() != 0.0
+
+    @pytest.mark.parametrize(("before", "after"), [("0.1", "0.5"), ("auto", "0.1"), ("0.1", "auto")])
+    def test_an_entropy_coefficient_that_was_changed_counts(self, tmp_path: Path, before: str, after: str) -> None:
+        facts: dict[str, Any] = {"algorithm": "SAC", "actions": CONTINUOUS}
+        with Station(tmp_path, **facts, parameters={"ent_coef": before}) as first:
+            first.play(80)
+        with Station(tmp_path, number=2, learning=False, **facts, parameters={"ent_coef": after}) as second:
+            assert not second.told("error")
+            assert second.algorithm.num_timesteps == first.algorithm.num_timesteps
+            if after == "auto":
+                assert second.algorithm.ent_coef_optimizer is not None
+            else:
+                assert second.algorithm.ent_coef_tensor.item() == pytest.approx(float(after))
+        with Station(tmp_path, number=3, **facts, parameters={"ent_coef": after}) as third:
+            third.play(80)
+            third.wait_until(lambda: third.algorithm._n_updates > first.algorithm._n_updates)
+
+    @pytest.mark.parametrize("changed", [{"rms_prop_eps": 0.01}, {"use_rms_prop": False}], ids=str)
+    def test_settings_of_the_optimiser_are_those_of_now(self, tmp_path: Path, changed: dict[str, Any]) -> None:
+        with Station(tmp_path, algorithm="A2C") as first:
+            first.play(40)
+        with Station(tmp_path, number=2, algorithm="A2C", parameters=changed) as second:
+            assert np.array_equal(flatten(second.algorithm.policy), flatten(first.algorithm.policy))
+            optimiser: Any = second.algorithm.policy.optimizer
+            assert optimiser.param_groups[0]["eps"] == pytest.approx(changed.get("rms_prop_eps", 1e-5))
+            assert bool(optimiser.state) == ("rms_prop_eps" in changed)
+            second.play(40)
+            second.wait_until(lambda: second.algorithm._n_updates > first.algorithm._n_updates)
+
+    def test_the_slow_copy_of_the_network_is_renewed_however_short_executions_are(self, tmp_path: Path) -> None:
+        facts: dict[str, Any] = {"algorithm": "DQN", "parameters": {"target_update_interval": 60, "learning_starts": 4}}
+        targets = []
+        for number in range(1, 4):
+            with Station(tmp_path, number=number, **facts) as station:
+                station.play(40)
+                station.wait_until(lambda: station.learned_from >= 39 * number)  # noqa: B023
+            targets.append(flatten(station.algorithm.q_net_target))
+        assert not np.array_equal(targets[0], targets[1])
+
+    def test_a_model_from_it_begins_to_learn_as_the_first_one_did(self, tmp_path: Path) -> None:
+        facts: dict[str, Any] = {"algorithm": "DQN", "parameters": {"learning_starts": 16}}
+        for number in (1, 2):
+            with Station(tmp_path, number=number, **facts) as station:
+                station.play(80)
+        chosen = station.worker.store.choose("latest")
+        assert chosen is not None
+        assert station.algorithm.learning_starts > 16
+        assert DQN.load(chosen.model, device="cpu").learning_starts == 16
+
+    def test_a_save_that_does_not_fit_leaves_nothing_behind(self, tmp_path: Path) -> None:
+        with Station(tmp_path, parameters={"net_arch": "8"}) as first:
+            first.play(80)
+        with Station(tmp_path, number=2, learning=False, parameters={"net_arch": "8,8"}) as second:
+            assert second.told("error")
+            fresh = Station(tmp_path / "fresh", number=2, learning=False, parameters={"net_arch": "8,8"})
+            with fresh:
+                assert np.array_equal(flatten(second.algorithm.policy), flatten(fresh.algorithm.policy))
 
     def test_ars_goes_on_from_what_it_learned(self, tmp_path: Path) -> None:
         with Station(tmp_path, algorithm="ARS") as first:
@@ -214,6 +272,22 @@ class TestSaving:
             station.play(100)
             station.wait_until(lambda: station.told("saved"))
             assert station.worker.status()["save_error"] == ""
+
+    def test_what_could_not_be_saved_is_saved_when_there_is_room(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def refuse(*arguments: Any) -> None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        with Station(tmp_path) as station:
+            station.play(70)
+            monkeypatch.setattr(builder, "export", refuse)
+            station.worker.set_learning(False)
+            station.wait_until(lambda: station.told("error"))
+            monkeypatch.undo()
+            station.worker.save_now(7)
+            station.wait_until(lambda: station.told("save_answered"))
+            assert station.told("saved")
 
 
 class TestFailure:
