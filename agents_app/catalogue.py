@@ -24,6 +24,8 @@ from agents_app.models import Algorithm, Parameter, ParameterType
 # itself beside its default handling of truncated episodes.
 LEFT_OUT = {"tensorboard_log", "verbose", "stats_window_size", "_init_setup_model", "optimize_memory_usage"}
 # Observations, by default: docs/adr/0013.
+# Of total_timesteps; sb3-contrib's 0.005 is meant for millions of them, and would be over after 500 of our 100,000.
+DEFAULTS = {("QR-DQN", "exploration_fraction"): 0.1}
 NORMALISING = {"PPO", "A2C", "TRPO", "PolicyGradient", "MaskablePPO", "SAC", "TQC", "TD3", "DDPG"}
 TYPES = {
     str: ParameterType.STR,
@@ -70,7 +72,8 @@ def entries_of(row: Row) -> Iterator[Entry]:
     for name, parameter in signature.items():
         kind = type_of(parameter.annotation)
         if kind is not None and name not in LEFT_OUT:
-            yield _entry(name, kind, parameter.default, plain.get(name) or docs.get(name, ""), replays)
+            default = DEFAULTS.get((row.name, name), parameter.default)
+            yield _entry(name, kind, default, plain.get(name) or docs.get(name, ""), replays)
         if name == "learning_rate":
             yield _entry("learning_rate_end", ParameterType.FLOAT, None, texts.LEARNING_RATE_END)
     yield _net_arch(row)

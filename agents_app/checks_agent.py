@@ -35,6 +35,7 @@ HAS_LEARNED = "The agent has learned with another value: reset its learning firs
 LINEAR = "LinearPolicy"
 NO_ADVICE = "none"
 DETERMINISTIC = {"TD3", "DDPG"}  # algorithms whose policy is one action
+REACH = 10.0  # half of the widest bounds in which an algorithm on the policy soon finds its way
 MOST_MEMORY = 8 * 2**30  # bytes of a replay buffer
 
 
@@ -43,6 +44,7 @@ def check_agent(agent: Agent) -> None:
     algorithm = agent.algorithm if agent.algorithm_id else None
     if algorithm and agent._state.adding and not algorithm.listed:
         raise ValidationError({"algorithm": f"{algorithm} is no longer offered: choose another algorithm."})
+    _check_numbers(agent)
     if agent.action_space is None or agent.observation_space is None:
         return  # the field itself says that it is needed
     action_space = _space(agent, "action_space")
@@ -50,12 +52,24 @@ def check_agent(agent: Agent) -> None:
     if algorithm is None:
         return
     _check_actions(algorithm, action_space)
+    if agent._state.adding:
+        _check_reach(algorithm, action_space)
     _check_observations(algorithm, observation_space)
     _check_policy(algorithm, observation_space, agent.policy)
     _check_advice(agent, algorithm, action_space)
     _check_averaging(agent, algorithm)
     _check_masks(agent, algorithm, action_space)
     _check_features(agent, algorithm, action_space)
+
+
+def _check_numbers(agent: Agent) -> None:
+    """No database takes NaN; and settings that an algorithm which plays itself cannot follow."""
+    for name in ("psi", "rho", "advice_weight", "shaping_scale", "unanswered_reward"):
+        if not math.isfinite(getattr(agent, name)):
+            raise ValidationError({name: "Write a finite number."})
+    if agent.answer_within and agent.algorithm_id and get_row(agent.algorithm.name).family == "direct":
+        sentence = f"{agent.algorithm} plays its episodes itself, and cannot end one for a client: write 0."
+        raise ValidationError({"answer_within": sentence})
 
 
 def check_parameters(agent: Agent, changes: dict[str, Any]) -> None:
@@ -182,6 +196,18 @@ def _check_actions(algorithm: Algorithm, space: spaces.Space) -> None:
     elif isinstance(space, spaces.Box):
         sentence = _what_is_wrong_with_numbers(algorithm, space)
     if sentence:
+        raise ValidationError({"action_space": sentence})
+
+
+def _check_reach(algorithm: Algorithm, space: spaces.Space) -> None:
+    """On the policy, the first actions are drawn around 0 with a deviation of 1, and cut to the bounds, as in SB3."""
+    if not isinstance(space, spaces.Box) or get_row(algorithm.name).family not in ("on_policy", "recurrent"):
+        return
+    if (space.low > 2).any() or (space.high < -2).any() or (space.high - space.low > 2 * REACH).any():
+        sentence = (
+            f"{algorithm} begins with actions of about -2 to 2, and would hardly find others: write bounds of about -1 and 1 and "
+            "have your client scale what it gets, or choose SAC, which scales by itself."
+        )
         raise ValidationError({"action_space": sentence})
 
 

@@ -87,7 +87,8 @@ ACTIONS = {
         "Delete saves",
         "folder_delete",
         _delete_saves,
-        "All saves of this run go. Executions that live keep what they know; new ones begin from nothing.",
+        "All saves of this run go. Executions that live keep what they know, and share it "
+        "if they average; else new ones begin from nothing.",
     ),
     "delete_curve": Action(
         "Delete curve",

@@ -70,11 +70,13 @@ class Agent(models.Model):
         "dictionaries, and the algorithm's first one for everything else.",
     )
     action_space = models.JSONField(
-        help_text="A whole number n: one of n actions. [[shape], low, high]: a vector of numbers, e.g. [[2], -1, 1]."
+        help_text="A whole number n: one of n actions. [[shape], low, high]: a vector of numbers, e.g. [[2], -1, 1]. "
+        "Bounds of about -1 and 1 are best: your client scales what it gets."
     )
     observation_space = models.JSONField(
         help_text="A whole number n: one of n states. [[shape], low, high]: numbers, e.g. [[8], -10, 10]; "
-        "with bounds 0 and 255 an image. A dictionary of those: several sensors."
+        "[[height, width, channels], 0, 255]: an image; "
+        "for other numbers up to 255 write 0.0 and 255.0. A dictionary of those: several sensors."
     )
     enable_learning = models.BooleanField(
         default=True, help_text="Unticked, the agent acts as well as it can and learns nothing."
@@ -112,6 +114,7 @@ class Agent(models.Model):
     unanswered_reward = models.FloatField(
         "reward of an action that is not answered",
         default=0.0,
+        validators=[MinValueValidator(-1e9), MaxValueValidator(1e9)],
         help_text="What the agent learns from then, as the end of the episode. The learning curve does not count it.",
     )
     advice_method = models.CharField(
@@ -194,13 +197,14 @@ class Agent(models.Model):
         "how often (psi)",
         default=0.5,
         validators=[MinValueValidator(0), MaxValueValidator(1)],
-        help_text="Which share of the actions is the advisor's: 0 is none, 1 is all.",
+        help_text="Which share of the actions is the advisor's: 0 is none, 1 is all, and then nothing is learned but to imitate.",
     )
     shaping_scale = models.FloatField(
         "scale of the reward",
         default=1.0,
         validators=[MinValueValidator(0), MaxValueValidator(1_000_000)],
-        help_text="What an action is rewarded of which the advisor is certain. The learning curve does not count it.",
+        help_text="What an action is rewarded of which the advisor is certain; of vectors of numbers many times that, "
+        "if it is very certain. The learning curve does not count it.",
     )
     learning_correction = models.BooleanField(
         default=True,

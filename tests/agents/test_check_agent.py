@@ -159,6 +159,12 @@ def test_spaces_are_fixed_once_it_has_learned():
         ({"algorithm": "RecurrentPPO"}, {"batch_size": 1}, "batch_size"),
         ({"algorithm": "CrossQ", "action_space": REAL}, {"batch_size": 1}, "batch_size"),
         ({"algorithm": "TRPO"}, {"n_steps": 16, "sub_sampling_factor": 9}, "sub_sampling_factor"),
+        ({"algorithm": "DQN"}, {"gradient_steps": 0}, "gradient_steps"),
+        ({"algorithm": "DQN", "observation_space": [[210, 160, 3], 0, 255]}, {"gamma": 0.9}, "buffer_size"),
+        ({"algorithm": "SAC", "action_space": REAL}, {"ent_coef": "auto_0"}, "ent_coef"),
+        ({"algorithm": "SAC", "action_space": REAL}, {"ent_coef": "1e400"}, "ent_coef"),
+        ({"algorithm": "SAC", "action_space": REAL}, {"target_entropy": "-1e39"}, "target_entropy"),
+        ({"algorithm": "SAC", "action_space": REAL}, {"action_noise": "normal 1e39"}, "action_noise"),
     ],
 )
 def test_parameters_must_suit_the_spaces(fields, values, name):
@@ -265,6 +271,37 @@ def test_asked_for_by_name_the_default_is_refused_too():
         services.create_agent(User.objects.create_user("owner"), fields, {})
 
 
+@pytest.mark.parametrize("algorithm", ["PPO", "A2C", "TRPO", "PolicyGradient"])
+@pytest.mark.parametrize("bounds", [(20, 30), (-9, -3), (0, 1000)])
+def test_actions_that_would_not_be_found_are_refused_to_a_new_agent(algorithm, bounds):
+    assert "have your client scale" in refusal("action_space", algorithm=algorithm, action_space=[[1], *bounds])
+    agent("SAC", [[1], *bounds]).full_clean()
+    agent(algorithm, [[2], [0, -1], [5, 1]]).full_clean()
+    old = agent(algorithm, [[1], *bounds])
+    old.save()
+    old.full_clean()
+
+
+@pytest.mark.parametrize("name", ["psi", "rho", "advice_weight", "shaping_scale", "unanswered_reward"])
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_numbers_are_finite(name, value):
+    refusal(name, **{name: value})
+
+
+def test_an_algorithm_that_plays_itself_ends_no_episode_for_a_client():
+    assert "write 0" in refusal("answer_within", algorithm="ARS", answer_within=9)
+
+
+def test_to_imitate_is_not_to_learn():
+    only = {"advice_method": "reuse", "psi": 1}
+    assert "write less" in refusal("psi", **only)
+    agent(**only, learning_correction=False).full_clean()
+    agent(**only, peers_advise=False).full_clean()
+    agent("DQN", **only).full_clean()
+    assert "write soft" in refusal("advice_form", advice_method="geometric", advice_form="deterministic")
+    agent(advice_method="geometric", advice_form="deterministic", advice_weight=0).full_clean()
+
+
 def test_the_density_of_an_order_is_no_reward():
     fields = {"action_space": REAL, "advice_method": "shaping", "advice_form": "deterministic"}
     assert "write soft" in refusal("advice_form", **fields)
@@ -275,7 +312,7 @@ def test_advice_by_samples_needs_to_know_how_probable_actions_are(algorithm):
     by_samples = {"advice_method": "intersection", "continuous_advice": "sampling"}
     one = agent(algorithm, REAL, **by_samples)
     one.save()
-    for none in ("", "normal 0", "ou 0.0"):
+    for none in ("", "normal 0", "ou 0.0", "normal 1e-50"):
         with pytest.raises(ValidationError) as caught:
             services.set_parameters(one, {"action_noise": none})
         assert "write e.g. normal 0.1" in caught.value.message_dict["action_noise"][0]

@@ -18,12 +18,12 @@ pytestmark = pytest.mark.django_db
 NAME = "normalize_observations"
 MIGRATIONS = [
     import_module(f"agents_app.migrations.{name}")
-    for name in ("0010_observations_as_before", "0012_texts_and_observations")
+    for name in ("0010_observations_as_before", "0012_texts_and_observations", "0013_texts_and_qr_dqn")
 ]
 
 
 def migrate() -> None:
-    """What both run of Python, which needs no more of a schema editor."""
+    """What they run of Python, which needs no more of a schema editor."""
     for migration in MIGRATIONS:
         for operation in migration.Migration.operations:
             if isinstance(operation, RunPython):
@@ -34,7 +34,7 @@ def test_only_algorithms_that_can_normalise_do_so_by_default() -> None:
     assert {row.name for row in ROWS if row.normalises} >= NORMALISING
     defaults = dict(Parameter.objects.filter(name=NAME).values_list("algorithm__name", "default"))
     assert {name for name, default in defaults.items() if default} == NORMALISING
-    assert {name for migration in MIGRATIONS for name in migration.NOW_ON} == NORMALISING
+    assert {name for migration in MIGRATIONS[:2] for name in migration.NOW_ON} == NORMALISING
 
 
 def test_a_new_agent_normalises_unless_its_owner_says_no() -> None:
@@ -60,3 +60,11 @@ def test_an_agent_made_before_can_take_the_new_default_once_it_is_reset() -> Non
     migrate()
     services.set_parameters(old, {NAME: None})
     assert old.parameters()[NAME] is True
+
+
+def test_so_does_one_that_explored_for_a_short_while() -> None:
+    old, other = make_agent("old", algorithm="QR-DQN"), make_agent("other", algorithm="DQN")
+    assert old.parameters()["exploration_fraction"] == other.parameters()["exploration_fraction"] == 0.1
+    migrate()
+    assert old.parameters()["exploration_fraction"] == 0.005
+    assert other.parameters()["exploration_fraction"] == 0.1
