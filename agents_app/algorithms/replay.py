@@ -175,8 +175,7 @@ class Segment:
             self._tape.put(self._items[:-1])
             del self._items[:-1]
         elif self._length >= self._piece:
-            self._cut()
-            self.begin(decision)
+            self.hand_over()
 
     def end(
         self, reward: float, obs: Any, terminated: bool, truncated: bool, info: dict[str, Any] | None = None
@@ -184,6 +183,13 @@ class Segment:
         """The outcome of the last decision ends the episode."""
         self._items.append(Outcome(reward + self._bonus(), obs, terminated, truncated and not terminated, None, info))
         self._flush()
+
+    def hand_over(self) -> None:
+        """The session is silent: what is known ends by truncation; the last decision waits for its outcome."""
+        if self.last is not None and len(self._items) > 1:
+            decision = self.last
+            self._cut()
+            self.begin(decision)
 
     def break_off(self) -> None:
         """The session went away: what is known ends by truncation; the last decision has no outcome and is dropped."""

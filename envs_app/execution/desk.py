@@ -108,6 +108,7 @@ class Desk:
         its episode for the curve.
         """
         spec, now = self.worker.spec, time.monotonic()
+        self._hand_over_what_is_silent(now)
         if not spec.answer_within or self.worker.direct:
             return
         for session, track in list(self.tracks.items()):
@@ -115,6 +116,12 @@ class Desk:
                 if (last := track.segment.last) is not None:
                     track.segment.end(spec.unanswered_reward, last.obs, terminated=True, truncated=False)
                 self._evict(session)
+
+    def _hand_over_what_is_silent(self, now: float) -> None:
+        """What a session did that will perhaps never come back is learned from all the same."""
+        for session, track in self.tracks.items():
+            if session not in self.parked and now - track.used_at >= self.worker.spec.reclaim_seconds:
+                track.segment.hand_over()
 
     def abandon(self) -> None:
         """The execution ends: answer what is parked, and let the learner have what is known of running episodes."""
@@ -317,7 +324,7 @@ class Desk:
         return track
 
     def _new_segment(self) -> Segment:
-        return Segment(self.worker.feed, stream=self.worker.spec.sessions == 1, piece=PIECE)
+        return Segment(self.worker.feed, stream=self.worker.spec.sessions == 1, piece=min(PIECE, self.worker.rollout))
 
     # --- algorithms that play themselves ---
     def _ask_algorithm(self, waiting: Waiting, track: Track, seen: Any) -> None:

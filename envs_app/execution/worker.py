@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import random
+import sys
 import time
 import traceback
 from collections import deque
@@ -17,6 +18,7 @@ from zlib import crc32
 import gymnasium as gym
 import numpy as np
 import torch as th
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 import envs_app.shepherd_env  # noqa: F401  (registers ShepherdEnv-v0)
 from agents_app.algorithms import builder
@@ -119,6 +121,7 @@ class Worker:
         self.storage, self.store = storage, SaveStore(storage, spec.saves)
         knows = self._restore()
         self.actor = family.make_actor(self.algorithm)
+        self.rollout = self.algorithm.n_steps if isinstance(self.algorithm, OnPolicyAlgorithm) else sys.maxsize
         self.allowed_lead = family.allowed_lead(self.algorithm)
         self.advisors = None
         if builder.is_advised(spec.agent):

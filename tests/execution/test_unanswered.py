@@ -87,3 +87,34 @@ def test_without_a_limit_a_person_may_take_as_long_as_they_like(tmp_path: Path) 
         shared.desk.end_unanswered()
         shared.step(1, place(1), reward=1.0, terminated=True)
         assert [outcomes[-1].reward for _, *outcomes in segments(items)] == [1.0]
+
+
+def test_what_a_silent_session_did_is_learned_from_and_its_last_action_waits_for_its_outcome(tmp_path: Path) -> None:
+    with station(tmp_path, algorithm="DQN") as shared:
+        items, shown = watch(shared), [place(1) for _ in range(4)]
+        for step, obs in enumerate(shown):
+            shared.step(1, obs, reward=float(step))
+            shared.step(2, place(2))
+        silent(shared, 1, 121)
+        shared.desk.end_unanswered()
+        ((decision, *outcomes),) = segments(items)
+        assert np.array_equal(decision.obs, shown[0])
+        assert [(it.reward, it.truncated, it.next is None) for it in outcomes] == [
+            (1.0, False, False),
+            (2.0, False, False),
+            (3.0, True, True),
+        ]
+        shared.desk.end_unanswered()
+        assert len(segments(items)) == 1, "there is nothing more to tell"
+        shared.step(1, place(9), reward=5.0, terminated=True)
+        ((decision, outcome),) = segments(items)[1:]
+        assert np.array_equal(decision.obs, shown[3])
+        assert (outcome.reward, outcome.terminated) == (5.0, True)
+
+
+def test_who_shares_an_execution_is_learned_from_as_often_as_the_algorithm_learns(tmp_path: Path) -> None:
+    with station(tmp_path, algorithm="A2C", parameters={"n_steps": 5}) as shared:
+        items = watch(shared)
+        for step in range(12):
+            shared.step(1, place(step), reward=1.0)
+        assert [len(it) for it in segments(items)] == [6, 6]
