@@ -33,7 +33,8 @@ MOON_SAC: dict[str, Any] = {
     "net_arch": "128,128",
 }
 ROOMS_BDPI: dict[str, Any] = {"net_arch": "64", "batch_size": 256, "learning_rate": 3e-4, "q_loops": 2, "alpha": 0.5}
-ROOMS_BDPI |= {"learning_rate_end": 1e-4, "total_timesteps": 12_000}
+ROOMS_BDPI |= {"learning_rate_end": 1e-4, "total_timesteps": 12_000, "gamma": 0.97}
+FALLING = {"learning_rate_end": 3e-5, "total_timesteps": 500_000}
 LONG_BDPI = {
     BDPI_NAME: InProcess("LunarLander-v3", 1000, "BDPI", SMALL_BDPI),
     FAR_NAME: InProcess("LunarLander-v3", 1000, "BDPI", SMALL_BDPI | {"gamma": 0.995}),
@@ -71,7 +72,12 @@ FIGURE = Figure(
         panel(POLE, PPO_NAME, InProcess("CartPole-v1", 450, "PPO", NORMALISED), runs=4),
         panel(SWING, SAC_NAME, InProcess("Pendulum-v1", 40, "SAC", SAC), window=10),
         panel(MOON, PPO_NAME, InProcess("LunarLander-v3", 1200, "PPO", LANDER | NORMALISED)),
-        panel(CONTINUOUS, PPO_NAME, InProcess("LunarLanderContinuous-v3", 1100, "PPO", NORMALISED, tried=TRIED)),
+        panel(
+            CONTINUOUS,
+            PPO_NAME,
+            InProcess("LunarLanderContinuous-v3", 1100, "PPO", NORMALISED | FALLING, tried=TRIED),
+            runs=4,
+        ),
         panel(SAC_MOON, SAC_NAME, InProcess("LunarLanderContinuous-v3", 600, "SAC", MOON_SAC, tried=TRIED)),
         panel(BDPI_MOON, BDPI_NAME, InProcess("LunarLander-v3", 250, "BDPI", BDPI), runs=1, window=50),
         Panel(LONG_MOON, LONG_BDPI, window=100, runs=1),
