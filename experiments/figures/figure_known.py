@@ -82,7 +82,7 @@ FIGURE = Figure(
         panel(BDPI_MOON, BDPI_NAME, InProcess("LunarLander-v3", 250, "BDPI", BDPI), runs=1, window=50),
         Panel(LONG_MOON, LONG_BDPI, window=100, runs=1),
         panel(
-            ADVISED_MOON, PG_NAME, advised(ADVISED_LANDER, 2000, POLICY_GRADIENT, advice_method="intersection"), runs=4
+            ADVISED_MOON, PG_NAME, advised(ADVISED_LANDER, 2000, POLICY_GRADIENT, advice_method="intersection"), runs=8
         ),
         panel(ROOMS, BDPI_NAME, InProcess(f"{OURS}FiveRooms-29x27-v0", 200, "BDPI", ROOMS_BDPI), runs=4, window=20),
     ),
@@ -99,7 +99,7 @@ FIGURE = Figure(
         Level(LONG_MOON, FAR_NAME, 200, BY_1000),
         Level(ADVISED_MOON, PG_NAME, 230, "data of the thesis, its advisor 232", by=100),
         Level(ADVISED_MOON, PG_NAME, 221, "data of the thesis", over=2000),
-        Level(ADVISED_MOON, PG_NAME, 248, "what our advisor earns itself"),
+        Level(ADVISED_MOON, PG_NAME, 232, "what our advisor earns itself"),
         Level(ROOMS, BDPI_NAME, 45, AUTHORS, over=50),
     ),
     remark=REMARK,
