@@ -114,6 +114,25 @@ class Averaging:
         assign(self._policy, np.concatenate([merged, buffers], dtype=np.float32))
         return True
 
+    def catch_up(self) -> bool:
+        """One whose client is silent, and whom others have left behind, takes over what they know; returns whether it did.
+
+        Else whoever comes to it next would act on what was known when it was used last.
+        """
+        if self._published == 0 or self._most_known() <= self.knows + FULL_VOICE:
+            return False
+        before, self._published = self._published, 1  # what a newcomer would take over
+        took = self.go_on()
+        self._published = before
+        return took
+
+    def _most_known(self) -> int:
+        """By any of the others that fits."""
+        heard = {number: it.version for number, it in self._heard.items()}
+        new = [number for number, version in self._others.versions().items() if version not in (1, heard.get(number))]
+        said = [it for number in new if (it := self._others.weights(number)) is not None]
+        return max((int(it[-1]) for it in said if it.size == self._size + self.parameters + TAIL), default=0)
+
     def _ahead(self, news: list[News]) -> list[News]:
         """Whom one that has not learned yet follows: who knows about the most, and no less than it brought from a save."""
         least = max([self._brought, *(it.knows - FULL_VOICE for it in news)])

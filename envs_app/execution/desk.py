@@ -18,6 +18,7 @@ from envs_app.execution.worker import Worker
 from envs_app.messages import Message, decode_advice, decode_observation
 from envs_app.observations import write_action
 
+CATCH_UP_SECONDS = 10.0
 PIECE = 128  # steps after which the segment of a session is cut, when several share an execution
 NOT_MINE, BUSY = "not_mine", "busy"  # for the web process only: ask the transport for another execution
 
@@ -58,7 +59,7 @@ class Desk:
         self.parked: dict[int, Waiting] = {}
         self.throttled_until = 0.0
         self.crowded_until = 0.0  # others wait for a place: whoever begins an episode must ask for one again
-        self.used_at = time.monotonic()
+        self.used_at = self.caught_up_at = time.monotonic()
 
     def step(self, message: Message, to: Any) -> None:
         """Serve one step, now or as soon as the learner allows."""
@@ -116,6 +117,13 @@ class Desk:
                 if (last := track.segment.last) is not None:
                     track.segment.end(spec.unanswered_reward, last.obs, terminated=True, truncated=False)
                 self._evict(session)
+
+    def catch_up(self) -> None:
+        """Where nobody has asked for a while, learn what others know by now: whoever asks next shall not begin behind them."""
+        now = time.monotonic()
+        if now - max(self.used_at, self.caught_up_at) >= CATCH_UP_SECONDS:
+            self.caught_up_at = now
+            self.worker.catch_up()
 
     def _hand_over_what_is_silent(self, now: float) -> None:
         """What a session did that will perhaps never come back is learned from all the same."""

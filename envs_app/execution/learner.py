@@ -106,6 +106,11 @@ class Learner(threading.Thread):
         if self._weights and self._averaging and self._averaging.is_new and self._averaging.go_on():
             self._hand_over(self._weights())
 
+    def catch_up(self) -> None:
+        """With the others, while there is nothing to learn from; an errand."""
+        if self._weights and self._averaging and self._averaging.catch_up():
+            self._hand_over(self._weights())
+
     def _amid_an_update(self, *_: Any) -> None:
         """Let the actor follow an update while it is made: what it decides meanwhile is not older than a few minibatches."""
         if self._weights and time.monotonic() - self._published_at >= FOLLOW_SECONDS:

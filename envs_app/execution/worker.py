@@ -193,6 +193,11 @@ class Worker:
         """Have the learner save what is unsaved as soon as its policy is whole, and say so."""
         self.feed.send_errand(lambda: self._save_for(ticket))
 
+    def catch_up(self) -> None:
+        """Take over what other executions have learned meanwhile, if this one learns with them, and nobody uses it."""
+        if self.averaging is not None and self.learning:
+            self.feed.send_errand(self.learner.catch_up)
+
     def _save_for(self, ticket: int) -> None:
         self.learner.save_if_newer(1)
         self._report({"k": "save_answered", "ticket": ticket})

@@ -123,6 +123,7 @@ class ExecutionLoop(ABC):
             raise LearnerFailed(self.worker.failure)
         if time.monotonic() - self.reported_at >= STATUS_SECONDS:
             self.desk.end_unanswered()
+            self.desk.catch_up()
             self._report_status()
 
     def _close(self) -> int:

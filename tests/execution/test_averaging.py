@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from torch import nn
 from agents_app.algorithms.registry import ROWS
 from agents_app.algorithms.weights import assign, flatten, parameters_of
 from envs_app.execution.averaging import FULL_VOICE, Averaging, News, merge
+from envs_app.execution.desk import CATCH_UP_SECONDS
 from tests.algorithms.specs import CONTINUOUS, DISCRETE
 from tests.execution.station import FixedPeers, Station
 
@@ -121,6 +123,39 @@ def test_a_newcomer_does_not_go_by_what_was_known_long_ago(station: Station) -> 
     assert averaging.go_on()
     assert flatten(station.algorithm.policy)[:size] == pytest.approx(begun[:size] + 3, abs=1e-4)
     assert averaging.knows == 34
+
+
+def test_one_that_nobody_uses_keeps_up_with_the_others(tmp_path: Path) -> None:
+    with learning(tmp_path, parameters={"n_steps": 16}) as station:
+        station.play(40)
+        station.wait_until(lambda: station.algorithm._n_updates >= 4, "two updates")
+        station.hold_learner()()
+        before, size = flatten(station.algorithm.policy), parameters_of(station.algorithm.policy)
+        publish(station.peers, 2, before + 5, np.ones(size), times=10)
+        station.desk.catch_up()
+        station.hold_learner()()
+        assert np.array_equal(flatten(station.algorithm.policy), before), "it is in use"
+        station.desk.used_at = station.desk.caught_up_at = time.monotonic() - CATCH_UP_SECONDS
+        station.desk.catch_up()
+        station.hold_learner()()
+        assert np.array_equal(flatten(station.algorithm.policy), before), "it is hardly behind"
+        publish(station.peers, 2, before + 5, np.ones(size), times=30)
+        publish(station.peers, 3, before + 9, np.ones(size), times=15)
+        station.desk.caught_up_at -= CATCH_UP_SECONDS
+        station.desk.catch_up()
+        station.hold_learner()()
+        assert flatten(station.algorithm.policy)[:size] == pytest.approx(before[:size] + 5, abs=1e-3)
+        station.worker.refresh()
+        assert flatten(station.worker.actor.policy)[:size] == pytest.approx(before[:size] + 5, abs=1e-3)
+        assert station.worker.averaging.knows == 39
+        station.worker.set_learning(False)
+        publish(station.peers, 2, before + 7, np.ones(size), times=30)
+        station.desk.caught_up_at -= CATCH_UP_SECONDS
+        station.desk.catch_up()
+        station.hold_learner()()
+        assert flatten(station.algorithm.policy)[:size] == pytest.approx(before[:size] + 5, abs=1e-3), (
+            "it learns nothing now"
+        )
 
 
 @given(st.integers(1, 12), st.integers(2, 6))
