@@ -75,12 +75,7 @@ FIGURE = Figure(
         panel(POLE, PPO_NAME, InProcess("CartPole-v1", 450, "PPO", NORMALISED), runs=4),
         panel(SWING, SAC_NAME, InProcess("Pendulum-v1", 40, "SAC", SAC), window=10),
         panel(MOON, PPO_NAME, InProcess("LunarLander-v3", 1200, "PPO", LANDER | NORMALISED)),
-        panel(
-            CONTINUOUS,
-            PPO_NAME,
-            InProcess("LunarLanderContinuous-v3", 1100, "PPO", NORMALISED | FALLING, tried=TRIED),
-            runs=4,
-        ),
+        panel(CONTINUOUS, PPO_NAME, InProcess("LunarLanderContinuous-v3", 1100, "PPO", NORMALISED, tried=TRIED)),
         panel(SAC_MOON, SAC_NAME, InProcess("LunarLanderContinuous-v3", 600, "SAC", MOON_SAC, tried=TRIED)),
         panel(BDPI_MOON, BDPI_NAME, InProcess("LunarLander-v3", 250, "BDPI", BDPI), runs=1, window=50),
         Panel(LONG_MOON, LONG_BDPI, window=100, runs=1),
