@@ -1,9 +1,8 @@
-"""Whether an agent's algorithm, policy, spaces and parameters fit together. No torch."""
+"""Whether an agent's algorithm, policy, spaces and advice fit together. No torch."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from agents_app.algorithms.policies import (
     VECTOR,
     convolves,
     kind_of_policy,
-    policy_name,
 )
 from agents_app.algorithms.registry import get_row
 from agents_app.spaces import is_image, parse_space
@@ -30,13 +28,9 @@ if TYPE_CHECKING:
 
 SPACES = ("action_space", "observation_space")
 FIXED = ("policy", *SPACES, "action_features")  # what the weights depend on
-FIXED_PARAMETERS = {"net_arch", "use_sde", "n_critics", "normalize_observations", "use_rms_prop"}  # too
 HAS_LEARNED = "The agent has learned with another value: reset its learning first, or make a new agent."
-LINEAR = "LinearPolicy"
 NO_ADVICE = "none"
-DETERMINISTIC = {"TD3", "DDPG"}  # algorithms whose policy is one action
 REACH = 10.0  # half of the widest bounds in which an algorithm on the policy soon finds its way
-MOST_MEMORY = 8 * 2**30  # bytes of a replay buffer
 
 
 def check_agent(agent: Agent) -> None:
@@ -47,8 +41,8 @@ def check_agent(agent: Agent) -> None:
     _check_numbers(agent)
     if agent.action_space is None or agent.observation_space is None:
         return  # the field itself says that it is needed
-    action_space = _space(agent, "action_space")
-    observation_space = _space(agent, "observation_space")
+    action_space = space_of(agent, "action_space")
+    observation_space = space_of(agent, "observation_space")
     if algorithm is None:
         return
     _check_actions(algorithm, action_space)
@@ -60,104 +54,21 @@ def check_agent(agent: Agent) -> None:
     _check_averaging(agent, algorithm)
     _check_masks(agent, algorithm, action_space)
     _check_features(agent, algorithm, action_space)
+    _check_answers(agent, algorithm)
 
 
 def _check_numbers(agent: Agent) -> None:
-    """No database takes NaN; and settings that an algorithm which plays itself cannot follow."""
+    """No database takes NaN, and no reward may be infinite."""
     for name in ("psi", "rho", "advice_weight", "shaping_scale", "unanswered_reward"):
         if not math.isfinite(getattr(agent, name)):
             raise ValidationError({name: "Write a finite number."})
-    if agent.answer_within and agent.algorithm_id and get_row(agent.algorithm.name).family == "direct":
-        sentence = f"{agent.algorithm} plays its episodes itself, and cannot end one for a client: write 0."
+
+
+def _check_answers(agent: Agent, algorithm: Algorithm) -> None:
+    """Episodes that shall end by themselves."""
+    if agent.answer_within and get_row(algorithm.name).family == "direct":
+        sentence = f"{algorithm} plays its episodes itself, and cannot end one for a client: write 0."
         raise ValidationError({"answer_within": sentence})
-
-
-def check_parameters(agent: Agent, changes: dict[str, Any]) -> None:
-    """Raise ValidationError, by parameter, where new values (None: the default) do not suit the agent or each other."""
-    before, defaults = agent.parameters(), agent.algorithm.default_parameters()
-    values = before | {name: defaults.get(name) if value is None else value for name, value in changes.items()}
-    errors = dict(_unsuitable(agent, values))
-    for name in FIXED_PARAMETERS & set(changes):
-        if values[name] != before.get(name) and agent.has_learned():
-            errors[name] = HAS_LEARNED
-    if errors:
-        raise ValidationError(errors)
-
-
-def _unsuitable(agent: Agent, values: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Names of parameters, and what is wrong with them."""
-    if values.get("use_sde") and isinstance(agent.action_space, int):
-        yield "use_sde", "This exploration needs actions that are vectors of numbers: choose no."
-    in_dictionaries = isinstance(agent.observation_space, dict) or agent.action_masks
-    if (values.get("n_steps") or 1) > 1 and in_dictionaries and "buffer_size" in values:
-        what = "actions can be masked" if agent.action_masks else "observations are a dictionary"
-        yield "n_steps", f"{agent.algorithm} takes 1 only when {what}: write 1."
-    if (
-        values.get("net_arch")
-        and policy_name(agent.algorithm, _space(agent, "observation_space"), agent.policy) == LINEAR
-    ):
-        yield "net_arch", "LinearPolicy has no hidden layers: choose MlpPolicy as the policy type first."
-    yield from _single_steps(agent, values)
-    if (values.get("n_top") or 0) > values.get("n_delta", 0):
-        yield "n_top", f"Write at most the value of n_delta, {values['n_delta']}."
-    if (values.get("learning_rate_end") or 0) > values["learning_rate"]:
-        yield "learning_rate_end", f"Write at most the learning_rate, {values['learning_rate']}, from which it falls."
-    if values.get("gradient_steps") == 0:
-        yield "gradient_steps", "With 0 nothing would be learned: write 1 or more, or -1."
-    yield from _endless(values)
-    yield from _too_large(agent, values)
-    by_samples = (agent.advice_method, agent.continuous_advice) == (mixing.INTERSECTION, mixing.BY_SAMPLING)
-    if by_samples and agent.algorithm.name in DETERMINISTIC and _is_still(values.get("action_noise") or ""):
-        yield (
-            "action_noise",
-            (
-                f"Advice by samples needs to know how probable actions are, and {agent.algorithm} has one action only: write "
-                "e.g. normal 0.1, or have advice meet half way."
-            ),
-        )
-
-
-def _is_still(noise: str) -> bool:
-    """Whether an action_noise is none, such as "normal 0"."""
-    return not noise.strip() or np.float32(noise.split()[-1]) == 0
-
-
-def _endless(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Numbers in texts that are too large to be any, or from which a logarithm would be."""
-    for name in ("ent_coef", "target_entropy", "action_noise"):
-        kind, text = "", values.get(name)
-        if isinstance(text, str) and (numbers := text.replace("_", " ").split()):
-            *kinds, number = numbers
-            kind = kinds[0] if kinds else ""
-            if number != "auto" and not np.isfinite(np.float32(number)):
-                yield name, "This number is too large: write a smaller one."
-            elif kind == "auto" and np.float32(number) == 0:
-                yield name, "The number behind auto_ is where it begins: write more than 0."
-
-
-def _too_large(agent: Agent, values: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """A memory of steps that no machine has. Each step is kept with the observation before it and the one after."""
-    space = _space(agent, "observation_space")
-    parts = space.spaces.values() if isinstance(space, spaces.Dict) else [space]
-    step = 2 * sum(int(np.prod(part.shape or ())) * np.dtype(part.dtype or np.int64).itemsize for part in parts)
-    if (size := values.get("buffer_size") or 0) * step > MOST_MEMORY:
-        most = MOST_MEMORY // step
-        yield (
-            "buffer_size",
-            f"{size} steps of such observations take {size * step / 2**30:.0f} GiB: write at most {most}.",
-        )
-
-
-def _single_steps(agent: Agent, values: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Where an algorithm would compute a deviation over one step, which is no number, and neither are its weights then."""
-    name, batch = agent.algorithm.name, values.get("batch_size") or 0
-    normalises = name in ("MaskablePPO", "RecurrentPPO") and values.get("normalize_advantage")
-    if normalises and (values["n_steps"] % batch or batch) == 1:
-        yield "batch_size", f"A batch of one step would be left over of {values['n_steps']}: write another number."
-    if name == "CrossQ" and batch == 1:
-        yield "batch_size", "CrossQ compares the steps of a batch: write at least 2."
-    if 2 * values.get("sub_sampling_factor", 0) > values.get("n_steps", 0):
-        yield "sub_sampling_factor", f"At least two steps must be left of {values['n_steps']}: write a smaller number."
 
 
 def check_fixed(before: Agent, after: Agent) -> None:
@@ -167,7 +78,8 @@ def check_fixed(before: Agent, after: Agent) -> None:
         raise ValidationError(dict.fromkeys(changed, HAS_LEARNED))
 
 
-def _space(agent: Agent, field: str) -> spaces.Space:
+def space_of(agent: Agent, field: str) -> spaces.Space:
+    """The space that a field describes. Raises ValidationError where it describes none."""
     specification = getattr(agent, field)
     try:
         _check_finite(specification)
@@ -359,7 +271,7 @@ def _check_advisor(agent: Agent, advisor: Agent) -> None:
 def have_same_spaces(one: Agent, other: Agent) -> bool:
     """Whether two agents see and do the same, however they have it written down."""
     try:
-        return [_space(one, name) for name in SPACES] == [_space(other, name) for name in SPACES]
+        return [space_of(one, name) for name in SPACES] == [space_of(other, name) for name in SPACES]
     except ValidationError:
         return False
 

@@ -15,7 +15,8 @@ from django.db.models import QuerySet
 from django.utils import timezone
 
 from agents_app.algorithms.registry import get_row
-from agents_app.checks_agent import NO_ADVICE, averages_nothing, check_parameters, have_same_spaces, takes_no_advice
+from agents_app.checks_agent import NO_ADVICE, averages_nothing, have_same_spaces, takes_no_advice
+from agents_app.checks_parameters import check_parameters
 from agents_app.fleet import get_fleet
 from agents_app.models import (
     ActionTally,

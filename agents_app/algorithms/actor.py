@@ -39,10 +39,6 @@ class Actor(Protocol):
         """Act with these weights from now on."""
         ...
 
-    def begin(self) -> None:
-        """An episode begins: exploration that has a memory forgets it."""
-        ...
-
 
 def own_policy(algorithm: BaseAlgorithm) -> BasePolicy:
     """A copy of the algorithm's policy for acting, without its optimiser. Made before the algorithm learns."""

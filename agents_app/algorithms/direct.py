@@ -155,8 +155,5 @@ class DirectActor:
         """Act with these weights from now on."""
         assign(self.policy, weights)
 
-    def begin(self) -> None:
-        """Nothing to forget."""
-
 
 make_actor = DirectActor

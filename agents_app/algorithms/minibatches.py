@@ -27,7 +27,7 @@ def slice_minibatches(buffer: RolloutBuffer) -> None:
 
 
 class Rows(dict[str, Any]):
-    """Observations of a dictionary, (B, ...) each, of which a slice takes rows: TRPO takes every so-manieth one of them."""
+    """Observations of a dictionary, (B, ...) each, of which a slice takes rows: TRPO takes every n-th of them."""
 
     def __getitem__(self, key: Any) -> Any:
         """A part of the observations by its name, or some rows of all parts."""

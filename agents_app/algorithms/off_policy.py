@@ -88,9 +88,6 @@ class OffPolicyActor:
     def update(self, weights: np.ndarray) -> None:
         """Nothing to do: the weights are shared."""
 
-    def begin(self) -> None:
-        """Nothing to do."""
-
     def _noise_of(self, memory: Memory) -> ActionNoise | None:
         """Each session's own, for noise may be correlated in time; it begins anew with each episode."""
         if memory is not None or self.noise is None:

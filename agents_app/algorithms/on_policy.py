@@ -91,9 +91,6 @@ class OnPolicyActor:
         if self.noise_every:
             self.policy.reset_noise()  # type: ignore[operator]
 
-    def begin(self) -> None:
-        """Nothing to forget."""
-
     def _explore_anew(self) -> None:
         """Draw the exploration matrix of gSDE every sde_sample_freq steps."""
         if self.noise_every > 0 and self.steps % self.noise_every == 0:

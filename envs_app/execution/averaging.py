@@ -128,10 +128,13 @@ class Averaging:
 
     def _most_known(self) -> int:
         """By any of the others that fits."""
-        heard = {number: it.version for number, it in self._heard.items()}
-        new = [number for number, version in self._others.versions().items() if version not in (1, heard.get(number))]
-        said = [it for number in new if (it := self._others.weights(number)) is not None]
+        news = [it for it, version in self._others.versions().items() if self._is_news(it, version)]
+        said = [it for number in news if (it := self._others.weights(number)) is not None]
         return max((int(it[-1]) for it in said if it.size == self._size + self.parameters + TAIL), default=0)
+
+    def _is_news(self, number: int, version: int) -> bool:
+        """Whether an execution has learned, and published since it was heard last."""
+        return version >= FIRST_UPDATE and version != self._heard.get(number, NEVER).version
 
     def _ahead(self, news: list[News]) -> list[News]:
         """Whom one that has not learned yet follows: who knows about the most, and no less than it brought from a save."""
@@ -152,7 +155,7 @@ class Averaging:
         self._heard = {it: heard for it, heard in self._heard.items() if it in versions}  # who has gone is forgotten
         for number, version in versions.items():
             before = self._heard.get(number, NEVER)
-            if version < FIRST_UPDATE or version == before.version or (said := self._others.weights(number)) is None:
+            if not self._is_news(number, version) or (said := self._others.weights(number)) is None:
                 continue
             weights, total = said[: self._size], said[self._size : -TAIL].copy()
             if said.size != self._size + self.parameters + TAIL:

@@ -251,7 +251,6 @@ class Desk:
         elif not ends:
             state.in_episode, state.episode, state.sum, state.length = True, state.episode + 1, 0.0, 0
             state.began = time.time()
-            self.worker.actor.begin()
         if ends:
             self._end(waiting, obs)
         else:

@@ -18,10 +18,9 @@ from zlib import crc32
 import gymnasium as gym
 import numpy as np
 import torch as th
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 import envs_app.shepherd_env  # noqa: F401  (registers ShepherdEnv-v0)
-from agents_app.algorithms import builder
+from agents_app.algorithms import builder, maskable, on_policy
 from agents_app.algorithms.actor import advice_weights
 from agents_app.algorithms.advice import shaping_reward, with_advice
 from agents_app.algorithms.direct import LiveFeed
@@ -45,6 +44,7 @@ PACE_SECONDS, BRAKE_SECONDS = (
     0.3,
 )  # between decisions while an update is made: as it begins, and at the full lead
 
+LEARN_BY_ROLLOUTS = (on_policy, maskable)  # and lose nothing where these are cut, as a memory of the episode would
 COUNTED = ("exploration_rate", "_n_calls")  # of DQN and QR-DQN; by the calls the slow copy of the network is renewed
 
 log = logging.getLogger("shepherd.execution")
@@ -121,7 +121,7 @@ class Worker:
         self.storage, self.store = storage, SaveStore(storage, spec.saves)
         knows = self._restore()
         self.actor = family.make_actor(self.algorithm)
-        self.rollout = self.algorithm.n_steps if isinstance(self.algorithm, OnPolicyAlgorithm) else sys.maxsize
+        self.rollout = self.algorithm.n_steps if family in LEARN_BY_ROLLOUTS else sys.maxsize
         self.allowed_lead = family.allowed_lead(self.algorithm)
         self.advisors = None
         if builder.is_advised(spec.agent):

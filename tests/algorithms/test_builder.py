@@ -49,7 +49,6 @@ class TestEvery:
         for actions in actions_of(get_row(name)):
             spec = make_spec(name, actions)
             actor, memory = actor_of(built(spec), spec), None
-            actor.begin()
             for obs in some(spec.observations(), 40):
                 decision, memory = actor.decide(obs, memory, None)
                 assert spec.actions().contains(np.asarray(decision.action))
@@ -176,7 +175,6 @@ class TestRecords:
         for _ in range(200):
             decision, long = actor.decide(obs, long, None)
             noises.append(decision.replay[1][0] - actor.algorithm.policy.scale_action(greedy[None])[0])
-            actor.begin()
             _, memory = actor.decide(obs, None, None)  # another session's first step
             assert memory is not long
         moved = np.abs(np.diff(noises, axis=0)).mean()

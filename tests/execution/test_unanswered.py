@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from agents_app.algorithms.replay import Outcome
 from tests.execution.station import Station
@@ -112,9 +113,13 @@ def test_what_a_silent_session_did_is_learned_from_and_its_last_action_waits_for
         assert (outcome.reward, outcome.terminated) == (5.0, True)
 
 
-def test_who_shares_an_execution_is_learned_from_as_often_as_the_algorithm_learns(tmp_path: Path) -> None:
-    with station(tmp_path, algorithm="A2C", parameters={"n_steps": 5}) as shared:
+@pytest.mark.parametrize(("algorithm", "pieces"), [("A2C", [6, 6]), ("RecurrentPPO", []), ("DQN", [])])
+def test_who_shares_an_execution_is_learned_from_as_often_as_the_algorithm_learns(
+    tmp_path: Path, algorithm: str, pieces: list[int]
+) -> None:
+    parameters = {} if algorithm == "DQN" else {"n_steps": 5}
+    with station(tmp_path, algorithm=algorithm, parameters=parameters) as shared:
         items = watch(shared)
         for step in range(12):
             shared.step(1, place(step), reward=1.0)
-        assert [len(it) for it in segments(items)] == [6, 6]
+        assert [len(it) for it in segments(items)] == pieces
